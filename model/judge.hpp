@@ -1,0 +1,51 @@
+// The recipe applied to one measured part: limits, findings in words, verdict (method.md section
+// 8).
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "model/observation.hpp"
+#include "model/recipe.hpp"
+#include "model/verdict.hpp"
+
+namespace brdfgate {
+
+/// What is known of the part as a whole. A value that could not be had is NaN: "not judged" then.
+struct PartFacts {
+  double coverage = 0;       ///< part cells over inspected cells; below min_coverage it is absent
+  double ambient = 0;        ///< share of white
+  double clipped = 0;        ///< share of the part's cells
+  double unknown_share = 0;  ///< share of the part's cells that no taught cluster explains
+  std::vector<Defect> defects;
+};
+
+struct Judgement {
+  Verdict verdict = Verdict::not_judged;
+  ReasonBits reason_bits = 0;
+  std::vector<Finding> findings;  ///< one or more per set bit
+  double t2_ratio = 0;            ///< largest T^2 over its limit; only finite ones count
+  double spe_ratio = 0;
+  int worst_cluster = 0;  ///< the one with the largest of both ratios
+};
+
+/// Beyond this share of unknown cells it is not a bad part but another one (or its back).
+inline constexpr double kForeignPartShare = 0.9;
+
+/// Fills deviation and delta_e00 of the measured clusters (and their taught names) and says what
+/// was found. Pass only with a recipe, every taught cluster present and its weights valid, and
+/// every statistic finite: what is not known to be good is never passed.
+/// - An absent part gives part_absent alone; one that is nearly all unknown pose_or_face, without
+/// the
+///   missing clusters that follow from it.
+/// - Without a recipe (nullptr), or with a cluster that has no limits yet (a draft while teaching):
+///   calibration_or_recipe; the part-level limits of `settings` still count.
+/// @param settings  used without a recipe; with one, its own settings are
+/// @param clusters  by index as in the recipe; missing ones may be left out at the end
+/// @param observed  same indices; empty where the weights are not valid
+Judgement judge(const Recipe* recipe, const JudgeSettings& settings,
+                std::vector<ClusterResult>& clusters,
+                const std::vector<std::optional<ClusterObservation>>& observed,
+                const PartFacts& facts);
+
+}  // namespace brdfgate

@@ -1,0 +1,84 @@
+// The taught reference material and the limits it sets.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <string>
+#include <vector>
+
+#include "model/colour.hpp"
+#include "model/estimator.hpp"
+#include "model/observation.hpp"
+#include "model/samples.hpp"
+
+namespace brdfgate {
+
+/// Settings of teaching and judging; from YAML, with these defaults.
+struct JudgeSettings {
+  double false_reject_rate = 0.001;    ///< per statistic and part, (0, 0.5)
+  int monitored_weights = 3;           ///< leading weights per channel in T^2, 1..8
+  double weight_floor_sigma = 0.02;    ///< part-to-part deviation never taken smaller, prior sigmas
+  double colour_limit_de00 = 1.5;      ///< CIEDE2000 to the taught colour
+  double gloss_limit_gu = 8;           ///< |gloss 60 - taught|
+  double area_share_limit = 0.03;      ///< change of a cluster's share of the part
+  double unknown_share_limit = 0.002;  ///< share of the part that no taught cluster explains
+  double assign_tolerance = 0.45;      ///< ln f; farther from every taught cluster is unknown
+  double defect_log_threshold = 0.2;   ///< |ln(f / expected)| of a local defect's cells
+  double defect_min_mm2 = 1.0;         ///< smaller blobs are not reported
+  double max_ambient = 0.05;           ///< share of white; beyond: not judged
+  double max_clipped = 0.02;           ///< share of the part's cells; beyond: not judged
+  double min_coverage = 0.05;          ///< of the inspected region; a smaller part is absent
+  int min_bins = 20;                   ///< per cluster; fewer: not judged (coverage)
+};
+
+/// One taught cluster. Weights are in prior sigmas, channel by channel.
+struct TaughtCluster {
+  std::string name;
+  int parts = 0;                         ///< N: taught from; 0 in a draft without limits
+  Eigen::MatrixXd mean;                  ///< k x channels
+  Eigen::VectorXd monitored_mean;        ///< p = monitored_weights x channels
+  Eigen::MatrixXd monitored_covariance;  ///< p x p, Ledoit-Wolf shrunk plus floor
+  double t2_limit = 0;
+  std::vector<int> bin_id;             ///< bins seen while teaching
+  Eigen::MatrixXd bin_residual;        ///< bins x channels, mean mapped residual of the model there
+  Eigen::MatrixXd bin_residual_sigma;  ///< bins x channels, its part-to-part deviation, floored
+  double spe_limit = 0;
+  double area_share = 0;
+  std::array<double, 3> gloss_gu{};
+  Lab lab = Lab::Zero();
+};
+
+struct Recipe {
+  int id = 1;
+  std::string name;
+  std::string created;           ///< ISO 8601
+  int parts = 0;                 ///< taught from
+  std::string calibration_hash;  ///< it belongs to
+  std::string basis_checksum;    ///< it belongs to
+  int channels = 3;
+  int components = 0;
+  JudgeSettings settings;
+  std::vector<TaughtCluster> clusters;  ///< 1..8
+  std::vector<std::string> warnings;    ///< e.g. taught from one part
+};
+
+/// What teaching needs of one good part's cluster.
+struct TeachSample {
+  BinnedSamples samples;
+  Weights weights;
+  double area_share = 0;
+};
+
+/// One cluster from its samples in N good parts (N >= 1): mean weights, Ledoit-Wolf covariance
+/// (2004), limits by predictive simulation of the shrunk estimator with a fixed seed (limits.hpp).
+/// N = 1, 2 rest on the floor and the measurements' own noise alone.
+/// @param eta  of the ridge that the weights came from
+/// Throws InputError when empty, when shapes differ or a number is not finite.
+TaughtCluster teach_cluster(const Basis& basis, const std::vector<TeachSample>& parts,
+                            const JudgeSettings& settings, double eta = kRidgeEta);
+
+/// The same from observations, without area share, gloss and colour: a pure function of matrices.
+TaughtCluster teach_observed(const std::vector<ClusterObservation>& parts,
+                             const JudgeSettings& settings);
+
+}  // namespace brdfgate

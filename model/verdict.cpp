@@ -1,0 +1,113 @@
+#include "model/verdict.hpp"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "model/error.hpp"
+
+namespace brdfgate {
+namespace {
+
+using Eigen::Index;
+
+void check(const TaughtCluster& taught, const ClusterObservation& seen) {
+  if (seen.monitored.size() != taught.monitored_mean.size() ||
+      seen.channels() != taught.bin_residual.cols()) {
+    throw InputError("cluster '" + taught.name + "'",
+                     std::to_string(seen.monitored.size()) + " monitored weights of " +
+                         std::to_string(seen.channels()) + " channels",
+                     std::to_string(taught.monitored_mean.size()) + " of " +
+                         std::to_string(taught.bin_residual.cols()));
+  }
+}
+
+double growth(const TaughtCluster& taught) {
+  return 1 + 1.0 / std::max(1, taught.parts);
+}
+
+/// Distance from the taught mean, and its covariance for a part as good as the taught ones.
+struct WeightDistance {
+  Eigen::VectorXd d;
+  Eigen::MatrixXd covariance;
+  Eigen::VectorXd solved() const { return covariance.ldlt().solve(d); }
+};
+
+WeightDistance weight_distance(const TaughtCluster& taught, const ClusterObservation& seen) {
+  return {seen.monitored - taught.monitored_mean,
+          taught.monitored_covariance * growth(taught) + seen.monitored_noise};
+}
+
+/// Calls visit(bin of `seen`, channel, residual in units of its deviation) for every taught bin
+/// seen.
+template <typename Visit>
+void for_each_residual(const TaughtCluster& taught, const ClusterObservation& seen, Visit&& visit) {
+  for (std::size_t j = 0; j < seen.bin_id.size(); ++j) {
+    const auto at = std::lower_bound(taught.bin_id.begin(), taught.bin_id.end(), seen.bin_id[j]);
+    if (at == taught.bin_id.end() || *at != seen.bin_id[j]) continue;
+    const Index t = at - taught.bin_id.begin(), bin = static_cast<Index>(j);
+    for (Index channel = 0; channel < seen.residual.cols(); ++channel) {
+      const double sigma = taught.bin_residual_sigma(t, channel);
+      const double variance = sigma * sigma * growth(taught) + seen.residual_noise(bin, channel);
+      const double d = seen.residual(bin, channel) - taught.bin_residual(t, channel);
+      visit(j, static_cast<int>(channel), d / std::sqrt(variance));
+    }
+  }
+}
+
+bool is_draft(const TaughtCluster& taught) {
+  return taught.parts == 0;
+}
+
+}  // namespace
+
+Verdict verdict_of(ReasonBits bits) {
+  if ((bits & kNotJudgedBits) != 0) return Verdict::not_judged;
+  return (bits & kRejectBits) != 0 ? Verdict::reject : Verdict::pass;
+}
+
+Deviation deviation(const TaughtCluster& taught, const ClusterObservation& seen) {
+  if (is_draft(taught)) return {};
+  check(taught, seen);
+  const WeightDistance weights = weight_distance(taught, seen);
+  double sum = 0;
+  std::size_t count = 0;
+  for_each_residual(taught, seen, [&](std::size_t, int, double sigmas) {
+    sum += sigmas * sigmas;
+    ++count;
+  });
+  const double spe =
+      count == 0 ? std::numeric_limits<double>::quiet_NaN() : sum / static_cast<double>(count);
+  return {weights.d.dot(weights.solved()), taught.t2_limit, spe, taught.spe_limit};
+}
+
+Deviation deviation(const TaughtCluster& taught, const Basis& basis, const BinnedSamples& samples,
+                    const Weights& weights, double eta) {
+  if (is_draft(taught)) return {};
+  const auto per_channel =
+      static_cast<int>(taught.monitored_mean.size() / std::max(1, samples.channels));
+  return deviation(taught, observe(basis, samples, weights, per_channel, eta));
+}
+
+WeightShift largest_shift(const TaughtCluster& taught, const ClusterObservation& seen) {
+  check(taught, seen);
+  const WeightDistance weights = weight_distance(taught, seen);
+  Index at = 0;
+  weights.d.cwiseProduct(weights.solved()).maxCoeff(&at);
+  const Index per_channel = std::max<Index>(1, weights.d.size() / std::max(1, seen.channels()));
+  return {static_cast<int>(at / per_channel), static_cast<int>(at % per_channel),
+          weights.d[at] / std::sqrt(weights.covariance(at, at))};
+}
+
+ResidualShift largest_residual(const TaughtCluster& taught, const ClusterObservation& seen) {
+  check(taught, seen);
+  ResidualShift largest;
+  for_each_residual(taught, seen, [&](std::size_t j, int channel, double sigmas) {
+    if (std::abs(sigmas) > std::abs(largest.sigmas)) largest = {channel, seen.angles[j], sigmas};
+  });
+  return largest;
+}
+
+}  // namespace brdfgate

@@ -1,0 +1,141 @@
+// From weights to a verdict: the values that the tool prints, the journal keeps and the PLC reads.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "model/geometry.hpp"
+#include "model/readings.hpp"
+#include "model/recipe.hpp"
+#include "model/regions.hpp"
+
+namespace brdfgate {
+
+enum class Verdict { none = 0, pass = 1, reject = 2, not_judged = 3 };
+
+/// Reason bits of plc.md: 0-6 go with reject, 7-15 with not judged.
+enum class Reason : int {
+  t2 = 0,
+  spe,
+  local_defect,
+  missing_cluster,
+  unknown_region,
+  colour,
+  gloss,
+  tilt,
+  ambient,
+  clipped,
+  coverage,
+  outside_basis,
+  hardware,
+  part_absent,
+  pose_or_face,
+  calibration_or_recipe,
+};
+using ReasonBits = std::uint16_t;
+constexpr ReasonBits bit(Reason r) {
+  return static_cast<ReasonBits>(1u << static_cast<int>(r));
+}
+inline constexpr ReasonBits kRejectBits = 0x007F;
+inline constexpr ReasonBits kNotJudgedBits = 0xFF80;
+
+/// What was found wrong, in words: one text per set bit, with value and limit.
+struct Finding {
+  Reason reason;
+  std::string text;
+};
+
+/// Not judged outweighs reject outweighs pass: what could not be measured is not judged.
+Verdict verdict_of(ReasonBits bits);
+
+/// T^2 and SPE of one cluster (method.md section 8).
+struct Deviation {
+  double t2 = 0;
+  double t2_limit = 0;  ///< 0: none taught
+  double spe = 0;
+  double spe_limit = 0;
+};
+/// T^2 = d^T (S_taught (1 + 1/N) + S_measured)^-1 d over the monitored weights' distance d from the
+/// taught mean of N parts. S_measured is what pixel noise alone does to this measurement's weights
+/// (noise_covariance), not the ridge's posterior: most of that stands for model discrepancy, which
+/// is the same in all parts of one material, so that it cancels in d and would only blunt the test.
+/// SPE = mean over the taught bins seen, and channels, of (r - r_taught)^2 / (s^2 (1 + 1/N) + v): r
+/// the mapped residual, s its part-to-part deviation, v its variance from this measurement's noise.
+/// NaN where nothing comparable was seen. All 0 for a draft (no limits taught).
+/// Throws InputError when shapes differ.
+Deviation deviation(const TaughtCluster& taught, const ClusterObservation& seen);
+Deviation deviation(const TaughtCluster& taught, const Basis& basis, const BinnedSamples& samples,
+                    const Weights& weights, double eta = kRidgeEta);
+
+/// The monitored weight with the largest share d_i (S^-1 d)_i of T^2.
+struct WeightShift {
+  int channel = 0;    ///< from 0
+  int component = 0;  ///< from 0
+  double sigmas = 0;  ///< d_i over its standard deviation under S
+};
+WeightShift largest_shift(const TaughtCluster& taught, const ClusterObservation& seen);
+
+/// The bin and channel with the largest share of SPE.
+struct ResidualShift {
+  int channel = 0;    ///< from 0
+  HalfDiff angles;    ///< of the bin
+  double sigmas = 0;  ///< signed
+};
+ResidualShift largest_residual(const TaughtCluster& taught, const ClusterObservation& seen);
+
+struct Defect {
+  std::string kind;               ///< darker, lighter, duller, glossier or colour
+  std::array<double, 2> at_mm{};  ///< centre, world x and y
+  double size_mm = 0;             ///< diameter of the disc of equal area
+  double score = 0;               ///< mean |ln(f / expected)| over the threshold
+};
+
+/// One cluster of one part, as published.
+struct ClusterResult {
+  int index = 0;
+  std::string name;
+  bool present = false;
+  int pixels = 0;  ///< cells
+  int bins = 0;
+  double area_share = 0;  ///< of the part
+  double coverage = 0;    ///< bins seen over bins of the station, 0..1
+  struct Valid {
+    bool weights = false, highlight = false, gloss = false, colour = false, measured = false;
+  } valid;
+  std::string method = "ridge";
+  int channels = 3;
+  Weights raw;                    ///< as estimated
+  Eigen::MatrixXd weights;        ///< prior sigmas, k x channels
+  Eigen::MatrixXd weight_sigmas;  ///< posterior deviations, prior sigmas
+  Deviation deviation;
+  std::array<double, 3> gloss_gu{};
+  Lab lab = Lab::Zero();
+  double delta_e00 = 0;  ///< to the taught colour; 0 without a recipe
+};
+
+struct PartResult {
+  Verdict verdict = Verdict::none;
+  std::vector<Finding> findings;
+  ReasonBits reason_bits = 0;
+  double t2_ratio = 0;  ///< largest T^2 over its limit
+  double spe_ratio = 0;
+  int worst_cluster = 0;
+  std::array<double, 2> tilt_deg{};  ///< not estimated yet: 0, with the fixture's own deviation
+  std::array<double, 2> tilt_sigma_deg{};
+  double ambient = 0;  ///< share of white
+  double clipped = 0;  ///< share of the part's cells
+  std::vector<Defect> defects;
+  std::vector<ClusterResult> clusters;
+  Regions regions;
+};
+
+/// Blobs of cells whose reflectance under light 2 is off what their taught cluster shows there.
+std::vector<Defect> find_defects(const std::vector<Reflectance>& r, const StationMap& map,
+                                 const Regions& regions,
+                                 const std::vector<TaughtAppearance>& taught,
+                                 const JudgeSettings& settings);
+
+}  // namespace brdfgate

@@ -1,0 +1,279 @@
+#include <functional>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "catch.hpp"
+#include "model/judge.hpp"
+#include "support/gaussian_parts.hpp"
+#include "support/input_error.hpp"
+
+using namespace brdfgate;
+using brdfgate::test::contains;
+using brdfgate::test::GaussianParts;
+
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInf = std::numeric_limits<double>::infinity();
+
+/// A two-cluster recipe and a good part of its kind, to be spoilt one thing at a time.
+struct Case {
+  Recipe recipe;
+  bool in_force = true;
+  JudgeSettings station;
+  std::vector<ClusterResult> clusters;
+  std::vector<std::optional<ClusterObservation>> observed;
+  PartFacts facts;
+
+  Judgement judged() {
+    return judge(in_force ? &recipe : nullptr, station, clusters, observed, facts);
+  }
+};
+
+Case good_case() {
+  static const Case made = [] {
+    Case c;
+    c.recipe.name = "lid";
+    c.recipe.components = 5;
+    GaussianParts good(21);
+    for (const char* name : {"body", "print"}) {
+      TaughtCluster taught = teach_observed(good.parts(10), c.recipe.settings);
+      taught.name = name;
+      taught.area_share = name == std::string("body") ? 0.8 : 0.2;
+      taught.gloss_gu = {30, 60, 80};
+      taught.lab = {50, 20, 10};
+      c.recipe.clusters.push_back(taught);
+      const ClusterObservation seen = good.part();
+      ClusterResult cluster;
+      cluster.index = static_cast<int>(c.clusters.size());
+      cluster.present = true;
+      cluster.bins = 40;
+      cluster.area_share = taught.area_share;
+      cluster.weights = seen.weights;
+      cluster.weight_sigmas = Eigen::MatrixXd::Constant(5, 3, 0.1);
+      cluster.valid = {true, true, true, true, true};
+      cluster.gloss_gu = {30, 62, 80};
+      cluster.lab = {50, 20.5, 10};
+      c.clusters.push_back(cluster);
+      c.observed.emplace_back(seen);
+    }
+    c.facts.coverage = 0.7;
+    c.facts.ambient = 0.001;
+    return c;
+  }();
+  return made;
+}
+
+struct Row {
+  const char* what;
+  std::function<void(Case&)> spoil;
+  ReasonBits bits;
+  const char* text;
+};
+
+void check_rows(const std::vector<Row>& rows) {
+  for (const Row& row : rows) {
+    Case c = good_case();
+    row.spoil(c);
+    const Judgement j = c.judged();
+    INFO(row.what);
+    CHECK(j.reason_bits == row.bits);
+    CHECK(j.verdict == verdict_of(row.bits));
+    ReasonBits said = 0;
+    std::string texts;
+    for (const Finding& finding : j.findings) {
+      said |= bit(finding.reason);
+      texts += finding.text + "\n";
+    }
+    CHECK(said == j.reason_bits);
+    INFO(texts);
+    CHECK(contains(texts, row.text));
+  }
+}
+
+}  // namespace
+
+TEST_CASE("A good part passes, with its names, deviations and ratios filled in", "[judge]") {
+  Case c = good_case();
+  const Judgement j = c.judged();
+  CHECK(j.verdict == Verdict::pass);
+  CHECK(j.reason_bits == 0);
+  CHECK(j.findings.empty());
+  CHECK(c.clusters[0].name == "body");
+  CHECK(c.clusters[1].name == "print");
+  for (const ClusterResult& cluster : c.clusters) {
+    CHECK(cluster.deviation.t2 > 0);
+    CHECK(cluster.deviation.t2 < cluster.deviation.t2_limit);
+    CHECK(cluster.deviation.spe < cluster.deviation.spe_limit);
+    CHECK(cluster.delta_e00 == Approx(delta_e00({50, 20, 10}, {50, 20.5, 10})));
+  }
+  const auto ratio = [&](int i) {
+    return c.clusters[static_cast<std::size_t>(i)].deviation.t2 /
+           c.clusters[static_cast<std::size_t>(i)].deviation.t2_limit;
+  };
+  CHECK(j.t2_ratio == Approx(std::max(ratio(0), ratio(1))));
+  CHECK(j.t2_ratio < 1);
+}
+
+TEST_CASE("Each thing wrong with a part is rejected under its own bit, in words", "[judge]") {
+  check_rows({
+      {"a weight far off", [](Case& c) { c.observed[0]->monitored[2] += 3; }, bit(Reason::t2),
+       "in cluster 'body': weight 3 of channel R is +"},
+      {"a weight of the last channel far off", [](Case& c) { c.observed[1]->monitored[6] -= 9; },
+       bit(Reason::t2), "in cluster 'print': weight 1 of channel B is -"},
+      {"an unexplained highlight", [](Case& c) { c.observed[1]->residual(7, 1) += 5; },
+       bit(Reason::spe), "in channel G at theta_h 4.011 deg"},
+      {"another colour", [](Case& c) { c.clusters[0].lab[2] = 20; }, bit(Reason::colour),
+       "cluster 'body': colour is"},
+      {"too glossy", [](Case& c) { c.clusters[1].gloss_gu[1] = 69; }, bit(Reason::gloss),
+       "cluster 'print': gloss at 60 deg is 69 GU, taught 60"},
+      {"too matt", [](Case& c) { c.clusters[1].gloss_gu[1] = 51; }, bit(Reason::gloss),
+       "over its limit 8"},
+      {"the print missing", [](Case& c) { c.clusters[1].present = false; },
+       bit(Reason::missing_cluster), "cluster 'print' is missing"},
+      {"the print not even measured", [](Case& c) { c.clusters.pop_back(); },
+       bit(Reason::missing_cluster), "cluster 'print' is missing"},
+      {"half the print missing", [](Case& c) { c.clusters[1].area_share = 0.1; },
+       bit(Reason::missing_cluster), "covers 10 % of the part, taught 20 %"},
+      {"a stain of no taught material", [](Case& c) { c.facts.unknown_share = 0.01; },
+       bit(Reason::unknown_region), "1 % of the part matches no taught cluster"},
+      {"two defects",
+       [](Case& c) {
+         c.facts.defects = {{"darker", {1, 2}, 0.5, 2}, {"duller", {10, -5}, 2.25, 1.5}};
+       },
+       bit(Reason::local_defect), "2 local defects; the largest: duller, 2.25 mm at (10, -5) mm"},
+      {"two things at once",
+       [](Case& c) {
+         c.facts.unknown_share = 0.01;
+         c.clusters[0].lab[2] = 20;
+       },
+       ReasonBits(bit(Reason::unknown_region) | bit(Reason::colour)), "colour"},
+  });
+}
+
+TEST_CASE("What cannot be measured is not judged, and says why", "[judge]") {
+  check_rows({
+      {"too much light", [](Case& c) { c.facts.ambient = 0.06; }, bit(Reason::ambient),
+       "ambient light is 6 % of white, over its limit 5 %"},
+      {"clipped", [](Case& c) { c.facts.clipped = 0.03; }, bit(Reason::clipped),
+       "3 % of the part is clipped"},
+      {"few bins", [](Case& c) { c.clusters[1].bins = 19; }, bit(Reason::coverage),
+       "cluster 'print' was seen in 19 angular bins"},
+      {"no part",
+       [](Case& c) {
+         c.facts.coverage = 0.01;
+         c.facts.ambient = 0.5;
+         c.clusters.clear();
+         c.observed.clear();
+       },
+       bit(Reason::part_absent), "no part"},
+      {"another part",
+       [](Case& c) {
+         c.facts.unknown_share = 0.95;
+         for (ClusterResult& cluster : c.clusters)
+           cluster.present = false;
+       },
+       bit(Reason::pose_or_face), "wrong face, wrong part or out of view"},
+      {"another part, one-cluster recipe",
+       [](Case& c) {
+         c.recipe.clusters.resize(1);
+         c.clusters.resize(1);
+         c.clusters[0].present = false;
+         c.facts.unknown_share = 1;
+       },
+       bit(Reason::pose_or_face), "no region looks like the taught part"},
+      {"no recipe", [](Case& c) { c.in_force = false; }, bit(Reason::calibration_or_recipe),
+       "no recipe is in force"},
+      {"an empty recipe", [](Case& c) { c.recipe.clusters.clear(); },
+       bit(Reason::calibration_or_recipe), "has no clusters"},
+      {"a draft of a recipe",
+       [](Case& c) {
+         TaughtCluster draft;
+         draft.name = "body";
+         draft.mean = c.recipe.clusters[0].mean;
+         c.recipe.clusters[0] = draft;
+       },
+       bit(Reason::calibration_or_recipe), "cluster 'body' has no taught limits"},
+      {"a reject beside it",
+       [](Case& c) {
+         c.facts.ambient = 0.06;
+         c.clusters[0].lab[2] = 20;
+       },
+       ReasonBits(bit(Reason::ambient) | bit(Reason::colour)), "colour is"},
+  });
+}
+
+TEST_CASE("A number that is not finite anywhere is never a pass", "[judge]") {
+  using Spoil = std::function<void(Case&, double)>;
+  const std::vector<std::pair<const char*, Spoil>> spoils{
+      {"ambient", [](Case& c, double v) { c.facts.ambient = v; }},
+      {"clipped", [](Case& c, double v) { c.facts.clipped = v; }},
+      {"unknown share", [](Case& c, double v) { c.facts.unknown_share = v; }},
+      {"coverage", [](Case& c, double v) { c.facts.coverage = v; }},
+      {"a weight", [](Case& c, double v) { c.clusters[0].weights(4, 2) = v; }},
+      {"a weight's deviation", [](Case& c, double v) { c.clusters[0].weight_sigmas(0, 0) = v; }},
+      {"a monitored weight", [](Case& c, double v) { c.observed[1]->monitored[0] = v; }},
+      {"its noise", [](Case& c, double v) { c.observed[1]->monitored_noise(1, 1) = v; }},
+      {"a residual", [](Case& c, double v) { c.observed[0]->residual(5, 0) = v; }},
+      {"a residual's noise",
+       [](Case& c, double v) { c.observed[0]->residual_noise.setConstant(v); }},
+      {"gloss", [](Case& c, double v) { c.clusters[1].gloss_gu[1] = v; }},
+      {"gloss at 85", [](Case& c, double v) { c.clusters[1].gloss_gu[2] = v; }},
+      {"colour", [](Case& c, double v) { c.clusters[1].lab[0] = v; }},
+      {"area", [](Case& c, double v) { c.clusters[1].area_share = v; }},
+      {"a taught mean", [](Case& c, double v) { c.recipe.clusters[0].monitored_mean[0] = v; }},
+      {"a taught limit", [](Case& c, double v) { c.recipe.clusters[0].t2_limit = v; }},
+      {"a taught SPE limit", [](Case& c, double v) { c.recipe.clusters[0].spe_limit = v; }},
+  };
+  for (const auto& [what, spoil] : spoils) {
+    for (const double value : {kNaN, kInf, -kInf}) {
+      Case c = good_case();
+      spoil(c, value);
+      const Judgement j = c.judged();
+      CAPTURE(what, value);
+      CHECK(j.verdict == Verdict::not_judged);
+      CHECK_FALSE(j.findings.empty());
+      CHECK(std::isfinite(j.t2_ratio));
+      CHECK(std::isfinite(j.spe_ratio));
+    }
+  }
+}
+
+TEST_CASE("A cluster whose weights are not valid is never a pass", "[judge]") {
+  Case c = good_case();
+  c.clusters[1].valid.weights = false;
+  CHECK(c.judged().verdict == Verdict::not_judged);
+  c = good_case();
+  c.observed[1].reset();
+  CHECK(c.judged().verdict == Verdict::not_judged);
+  c = good_case();
+  c.observed.pop_back();
+  CHECK(c.judged().verdict == Verdict::not_judged);
+}
+
+TEST_CASE("Readings that are not valid are not held against the part", "[judge]") {
+  Case c = good_case();
+  c.clusters[0].valid.colour = c.clusters[0].valid.gloss = false;
+  c.clusters[0].lab = {0, 0, 0};
+  c.clusters[0].gloss_gu = {0, 0, 0};
+  CHECK(c.judged().verdict == Verdict::pass);
+  CHECK(c.clusters[0].delta_e00 == 0);
+}
+
+TEST_CASE("Without a recipe the station's own limits for light hold", "[judge]") {
+  Case c = good_case();
+  c.in_force = false;
+  c.station.max_ambient = 1e-4;
+  CHECK(c.judged().reason_bits == (bit(Reason::ambient) | bit(Reason::calibration_or_recipe)));
+  c.in_force = true;  // the recipe's are its own
+  CHECK(c.judged().verdict == Verdict::pass);
+}
+
+TEST_CASE("The worst cluster is the one farthest beyond its limit", "[judge]") {
+  Case c = good_case();
+  c.observed[1]->monitored[0] += 2;
+  CHECK(c.judged().worst_cluster == 1);
+  c.observed[0]->monitored[0] += 5;
+  CHECK(c.judged().worst_cluster == 0);
+}

@@ -1,0 +1,82 @@
+// The state that the simulated camera, lights and trigger share.
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <vector>
+
+#include "hal/sim/optics.hpp"
+#include "hal/sim/part.hpp"
+#include "hal/sim/sensor.hpp"
+#include "hal/sim/sim_station.hpp"
+
+namespace brdfgate {
+
+/// The trigger line: edges are counted, none is lost. Safe between threads.
+class TriggerLine {
+ public:
+  void fire();
+  /// Takes one edge; waits real time for it.
+  bool wait(std::chrono::milliseconds timeout);
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable fired_;
+  std::uint64_t edges_ = 0;
+};
+
+/// Not thread-safe but for the trigger line: the thread that runs the station uses it.
+class SimBench {
+ public:
+  /// Throws InputError naming the setting that is not physical.
+  explicit SimBench(const SimBenchSettings& settings);
+  SimBench(const SimBench&) = delete;
+  SimBench& operator=(const SimBench&) = delete;
+
+  /// A scene that throws leaves what was there before.
+  void place(const Scene& scene, std::uint64_t seed, std::uint64_t index);
+  bool occupied() const { return placed_ != nullptr; }
+  /// Precondition: occupied.
+  const PartDraw& draw() const { return placed_->draw; }
+
+  const SimBenchSettings& settings() const { return settings_; }
+  int lights() const { return static_cast<int>(settings_.geometry.lights_W.size()); }
+  /// One light by number, or kNoLight. Precondition: it exists.
+  void switch_to(LightIndex light) { burning_ = light; }
+
+  /// Time on the bench's clock that a frame of this exposure takes, readout included.
+  double frame_time_s(double asked_s) const;
+  /// Exposes whatever burns now and moves the clock on. Precondition: occupied.
+  RawFrame expose(double asked_s, double gain);
+
+  TriggerLine trigger_line;
+
+ private:
+  struct Placed {
+    PartSurface surface;
+    Eigen::Isometry3d X_WP;
+    PartDraw draw;
+    bool lights_on;
+    std::vector<double> intensity;  ///< per light, relative
+    double ambient;
+    double defocus_px;
+    bool noise;
+    std::uint64_t seed;
+    std::uint64_t frames = 0;         ///< taken of this part
+    std::vector<cv::Mat> rate_e_s{};  ///< by light, [0] ambient alone; empty until needed
+  };
+
+  const cv::Mat& rate_image(LightIndex light);
+  cv::Mat render(LightIndex light);
+
+  SimBenchSettings settings_;
+  SimOptics optics_;
+  SimSensor sensor_;
+  std::unique_ptr<Placed> placed_;
+  LightIndex burning_ = kNoLight;
+  std::int64_t clock_ns_ = 0;
+};
+
+}  // namespace brdfgate

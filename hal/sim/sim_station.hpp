@@ -1,0 +1,64 @@
+// The simulated station: one bench that camera, lights and trigger share.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include "hal/camera.hpp"
+#include "hal/lights.hpp"
+#include "hal/sim/scene.hpp"
+#include "hal/trigger.hpp"
+#include "model/geometry.hpp"
+
+namespace brdfgate {
+
+/// Physical properties of the simulated bench, fixed for its life.
+struct SimBenchSettings {
+  SensorFormat sensor;
+  SensorNoise noise;
+  double full_well_e = 10000;    ///< electrons at full_well_dn and analogue gain 1
+  double dark_current_e_s = 5;   ///< electrons per second and pixel
+  double line_time_s = 14.8e-6;  ///< exposures are whole lines, at least one
+  double vignetting =
+      0.15;  ///< loss of signal at the image's corner, growing with the square of the radius
+  StationGeometry geometry;      ///< true positions
+  double led_radius_m = 0.0005;  ///< emitter's disc
+  double white_exposure_s =
+      0.008;  ///< a 0.99 Lambertian at the centre reaches half of full well in this
+  Rgb fixture_albedo{0.01, 0.25, 0.40};
+};
+
+/// Bench, camera and lights. A light that was not switched on leaves the frame dark. Deterministic:
+/// part n of seed s is the same part with the same noise on every run. Rendering happens once per
+/// part and light; a frame adds exposure, noise, quantisation and saturation. No real time passes:
+/// timestamps run on the bench's own clock.
+class SimStation {
+ public:
+  explicit SimStation(const SimBenchSettings& settings);
+  ~SimStation();
+  SimStation(const SimStation&) = delete;
+  SimStation& operator=(const SimStation&) = delete;
+
+  /// Puts part `index` (0, 1, ...) of the scene under the camera: draws pose, variation and noise
+  /// from (seed, index).
+  void place(const Scene& scene, std::uint64_t seed, std::uint64_t index);
+
+  Camera& camera();
+  Lights& lights();
+  Trigger& trigger();
+  /// Puts one edge on the simulated trigger line; safe from another thread.
+  void fire_trigger();
+
+  /// What was drawn for the part in place: for tests.
+  struct Drawn {
+    ScenePose pose;
+    BrdfChange variation;
+  };
+  const Drawn& drawn() const;
+
+ private:
+  struct Bench;
+  std::unique_ptr<Bench> bench_;
+};
+
+}  // namespace brdfgate

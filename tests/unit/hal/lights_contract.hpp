@@ -1,0 +1,63 @@
+// What every Lights keeps, simulated or real.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <stdexcept>
+
+#include "catch.hpp"
+#include "hal/camera.hpp"
+#include "hal/lights.hpp"
+
+namespace brdfgate::test {
+
+/// Lights, and an eye that sees which one burns (kNoLight: none; throws when several do).
+struct LightsUnderTest {
+  std::shared_ptr<void> owner;
+  Lights* lights = nullptr;
+  std::function<LightIndex()> burning;
+};
+
+/// Call it inside a TEST_CASE; `make` gives fresh lights, at least two.
+inline void check_lights_contract(const std::function<LightsUnderTest()>& make) {
+  const LightsUnderTest under_test = make();
+  Lights& lights = *under_test.lights;
+  const auto& burning = under_test.burning;
+  REQUIRE(lights.count() >= 2);
+
+  SECTION("all are off after construction") {
+    CHECK(burning() == kNoLight);
+  }
+  SECTION("switching one on switches every other off") {
+    for (LightIndex light = 1; light <= lights.count(); ++light) {
+      lights.on(light);
+      CHECK(burning() == light);
+    }
+    lights.on(1);
+    CHECK(burning() == 1);
+  }
+  SECTION("all_off leaves the dark, however often") {
+    lights.on(2);
+    lights.all_off();
+    CHECK(burning() == kNoLight);
+    lights.all_off();
+    CHECK(burning() == kNoLight);
+  }
+  SECTION("a light that does not exist is an error and lights nothing") {
+    for (const LightIndex light : {-1, 0, lights.count() + 1}) {
+      CHECK_THROWS_AS(lights.on(light), DeviceError);
+      CHECK(burning() == kNoLight);
+    }
+  }
+  SECTION("a scope guard leaves the dark, also by an exception") {
+    const auto fail = [&] {
+      const LightsOffAtExit guard(lights);
+      lights.on(1);
+      throw std::runtime_error("fault");
+    };
+    CHECK_THROWS_AS(fail(), std::runtime_error);
+    CHECK(burning() == kNoLight);
+  }
+}
+
+}  // namespace brdfgate::test

@@ -1,0 +1,21 @@
+// The materials of a scene file.
+#pragma once
+
+#include <filesystem>
+#include <vector>
+
+#include "config/yaml_reader.hpp"
+#include "hal/sim/scene.hpp"
+
+namespace brdfgate {
+
+/// Reads the list `materials`: each has a name of its own and exactly one of brdf, lambert, ggx,
+/// abc, sgd. MERL files are relative to `folder`; one that did not change since it was last read is
+/// not read again. Throws InputError.
+std::vector<SceneMaterial> read_materials(const YamlNode& list,
+                                          const std::filesystem::path& folder);
+
+/// Three numbers, one per colour channel.
+Rgb read_rgb(const YamlNode& node, std::string_view key, YamlRange range);
+
+}  // namespace brdfgate

@@ -1,0 +1,101 @@
+// The station's configuration: plain data with units and ranges; config/station.yaml is the model.
+// Ranges include their ends; (a, b) excludes them.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "hal/sim/sim_station.hpp"
+#include "model/geometry.hpp"
+#include "model/recipe.hpp"
+#include "model/regions.hpp"
+
+namespace brdfgate {
+
+enum class CameraBackend { simulated };  ///< libcamera and v4l2 come with the hardware
+enum class WordOrder { abcd, cdab };     ///< of u32 and float32: big-endian words first, or swapped
+
+struct CameraConfig {
+  CameraBackend backend = CameraBackend::simulated;
+  SensorFormat sensor;  ///< ranges: config/sensor_yaml.hpp
+  /// Datasheet values; the calibration's measured ones override them. Gain (0, 1000) DN per
+  /// electron, read noise 0..1000 DN.
+  SensorNoise noise;
+  std::vector<double> bracket_ms;  ///< exposures under each light, (0, 60000) ms, rising, 1..16
+  std::vector<double> ambient_ms;  ///< exposures without light, (0, 60000) ms, rising, 1..16
+  double gain = 1;                 ///< analogue, linear, 1..64
+  double frame_timeout_ms = 1000;  ///< 1..120000, above every exposure; optional
+  std::vector<std::filesystem::path> scenes;  ///< simulated only: by trigger_id or in turn, 1..1000
+  std::uint64_t seed = 1;                     ///< simulated only, 0..2^63 - 1; optional
+};
+
+struct InspectionConfig {
+  /// Inspected rectangle on the plane, centred on the origin, x and y: (0, 10000) mm; the middle of
+  /// each edge lies in the image.
+  std::array<double, 2> region_mm{};
+  FixtureAppearance fixture;            ///< albedo 0..1 per channel, tolerance (0, 1)
+  int max_clusters = 8;                 ///< 1..8
+  std::string method = "ridge";         ///< the only one yet
+  double eta = 40;                      ///< ridge penalty for 298 samples, (0, 1e6)
+  double fixture_tilt_sigma_deg = 0.3;  ///< how well the fixture seats parts, (0, 10) degrees
+  /// Camera RGB is linear sRGB, D65, 2 degrees; never with a mono sensor.
+  bool colour_calibrated = false;
+};
+
+struct PlcConfig {
+  struct Tcp {
+    bool enabled = true;
+    std::string bind = "127.0.0.1";     ///< IPv4 or IPv6 address of one of this machine's networks
+    int port = 1502;                    ///< 1..65535, or 0 for any free one
+    std::vector<std::string> allow;     ///< client addresses, IPv4 or IPv6; empty: everyone
+    int max_clients = 8;                ///< 1..64
+    double request_deadline_ms = 2000;  ///< from a request's first byte to its last, 10..60000
+    double idle_timeout_s = 60;         ///< a silent client is dropped, 1..86400
+  } tcp;
+  int unit_id = 1;  ///< 1..247
+  WordOrder word_order = WordOrder::abcd;
+  double handshake_timeout_s = 10;  ///< a PLC that never acknowledges is released, 0.1..3600
+  double heartbeat_timeout_s = 0;   ///< 0..3600; 0: plc_heartbeat is not watched; optional
+};
+
+struct StationConfig {
+  std::string name;  ///< for people: 1..100 characters
+  CameraConfig camera;
+  /// Camera: theta 0..85 degrees, 0.001..10 m; field of view (0, 120) degrees; two lights, theta
+  /// 0..85 degrees, phi -360..360 degrees, 0.001..10 m: 1 has its highlight inside the inspected
+  /// region, 2 outside.
+  NominalRig rig;
+  /// Simulated only; sensor, noise, geometry and fixture are filled from the above. Optional as a
+  /// whole. full_well_e (0, 1e7), dark_current_e_s 0..1e6, line time (0, 1000) us, vignetting
+  /// 0..0.9, led_radius 0..100 mm, white_exposure (0, 60000) ms.
+  SimBenchSettings simulator;
+  InspectionConfig inspection;
+  JudgeSettings judge;  ///< ranges: config/station.yaml
+  PlcConfig plc;
+  struct Files {
+    std::filesystem::path basis;
+    std::filesystem::path calibration;
+    /// No file twice; may be empty: everything is "not judged"; optional.
+    std::vector<std::filesystem::path> recipes;
+    std::filesystem::path state_dir;  ///< counters kept over restarts; created when missing
+  } files;
+  std::string hash;  ///< SHA-256 of the file's bytes, hex
+  /// SHA-256 over what a calibration depends on (sensor, rig with its lights), hex.
+  std::string station_hash;
+};
+
+/// Reads and validates. Strict: an unknown key, a missing key, a wrong type, a value out of range
+/// or a contradiction is an InputError with file:line:column and the field's path. Relative paths
+/// are relative to the file; the result has absolute ones. Whether the named files exist is for
+/// those who open them.
+StationConfig read_station_config(const std::filesystem::path& file);
+
+/// The resolved configuration as YAML, every field with its value: what `brdfgate check` prints.
+/// read_station_config takes it back to the same values.
+std::string to_yaml(const StationConfig& config);
+
+}  // namespace brdfgate

@@ -1,0 +1,149 @@
+#include "app/calibration_head.hpp"
+
+#include <yaml-cpp/yaml.h>
+
+#include "config/sensor_yaml.hpp"
+#include "config/yaml_reader.hpp"
+
+namespace brdfgate {
+namespace {
+
+constexpr int kMostLights = 8;
+constexpr const char* kChecksumLine = "\nchecksum: ";
+
+template <typename Numbers>
+YAML::Node flow_list(const Numbers& numbers) {
+  YAML::Node list(YAML::NodeType::Sequence);
+  list.SetStyle(YAML::EmitterStyle::Flow);
+  for (const double value : numbers)
+    list.push_back(number_text(value));
+  return list;
+}
+
+YAML::Node sensor_node(const SensorFormat& sensor) {
+  YAML::Node node;
+  node["width"] = sensor.width;
+  node["height"] = sensor.height;
+  node["bits"] = sensor.bits;
+  node["mosaic"] = mosaic_name(sensor.mosaic);
+  node["black_level_dn"] = number_text(sensor.black_level_dn);
+  node["full_well_dn"] = number_text(sensor.full_well_dn);
+  return node;
+}
+
+YAML::Node camera_node(const PinholeCamera& camera) {
+  YAML::Node node;
+  node["focal_px"] = number_text(camera.focal_px);
+  node["centre_px"] = flow_list(camera.centre_px);
+  const Eigen::Matrix<double, 3, 4, Eigen::RowMajor> pose = camera.X_WC.matrix().topRows<3>();
+  node["pose_WC"] = flow_list(pose.reshaped<Eigen::RowMajor>());
+  return node;
+}
+
+YAML::Node lights_node(const StationGeometry& geometry, const std::vector<double>& white_scale) {
+  YAML::Node list(YAML::NodeType::Sequence);
+  for (std::size_t l = 0; l < white_scale.size(); ++l) {
+    YAML::Node light;
+    light["position_m"] = flow_list(geometry.lights_W.at(l));
+    light["white_scale_dn_s"] = number_text(white_scale[l]);
+    list.push_back(light);
+  }
+  return list;
+}
+
+PinholeCamera read_camera(const YamlNode& node) {
+  PinholeCamera camera;
+  camera.focal_px = node.number("focal_px", {.least = 0, .open = true});
+  camera.centre_px = Eigen::Vector2d(node.numbers("centre_px", 2).data());
+  const std::vector<double> pose = node.numbers("pose_WC", 12);
+  using Pose = Eigen::Matrix<double, 3, 4, Eigen::RowMajor>;
+  camera.X_WC.matrix().topRows<3>() = Eigen::Map<const Pose>(pose.data());
+  const Eigen::Matrix3d R = camera.X_WC.linear();
+  if (!(R * R.transpose()).isIdentity(1e-6) || R.determinant() < 0) {
+    node.fail_at("pose_WC", "its left 3 x 3 part is no rotation",
+                 "a right-handed orthonormal frame, row by row");
+  }
+  node.finish();
+  return camera;
+}
+
+void read_lights(const YamlNode& list, CalibrationHead& head) {
+  for (const YamlNode& light : list.items()) {
+    head.calibration.geometry.lights_W.emplace_back(light.numbers("position_m", 3).data());
+    head.white_scale.push_back(light.number("white_scale_dn_s", {.least = 0, .open = true}));
+    light.finish();
+  }
+  if (head.white_scale.empty() || head.white_scale.size() > kMostLights) {
+    list.fail(std::to_string(head.white_scale.size()) + " lights",
+              "1 to " + std::to_string(kMostLights));
+  }
+}
+
+SensorNoise read_noise(const YamlNode& node) {
+  SensorNoise noise;
+  noise.gain_dn_per_e = node.number("gain_dn_per_electron", {.least = 0, .open = true});
+  noise.read_noise_dn = node.number("read_noise_dn", {.least = 0});
+  node.finish();
+  return noise;
+}
+
+void check_schema(const YamlNode& root) {
+  const std::string schema = root.text("schema");
+  if (schema != kCalibrationSchema) {
+    root.fail_at("schema", shown(schema), std::string("'") + kCalibrationSchema + "'");
+  }
+}
+
+}  // namespace
+
+std::string calibration_head_text(const Calibration& calibration,
+                                  const std::vector<double>& white_scale) {
+  YAML::Node noise;
+  noise["gain_dn_per_electron"] = number_text(calibration.noise.gain_dn_per_e);
+  noise["read_noise_dn"] = number_text(calibration.noise.read_noise_dn);
+  YAML::Emitter out;
+  out << YAML::BeginMap;
+  out << YAML::Key << "schema" << YAML::Value << kCalibrationSchema;
+  out << YAML::Key << "created" << YAML::Value << YAML::DoubleQuoted << calibration.created;
+  out << YAML::Key << "station_hash" << YAML::Value << YAML::DoubleQuoted
+      << calibration.station_hash;
+  out << YAML::Key << "sensor" << YAML::Value << sensor_node(calibration.sensor);
+  out << YAML::Key << "noise" << YAML::Value << noise;
+  out << YAML::Key << "camera" << YAML::Value << camera_node(calibration.geometry.camera);
+  out << YAML::Key << "lights" << YAML::Value << lights_node(calibration.geometry, white_scale);
+  out << YAML::Key << "white_reflectance" << YAML::Value
+      << flow_list(calibration.white_reflectance);
+  out << YAML::EndMap;
+  return out.c_str();
+}
+
+std::string with_checksum(const std::string& head_text, const std::string& checksum) {
+  return head_text + kChecksumLine + '"' + checksum + "\"\n";
+}
+
+std::string without_checksum(const std::string& head) {
+  return head.substr(0, head.rfind(kChecksumLine));
+}
+
+CalibrationHead parse_calibration_head(const std::string& text, const std::string& name) {
+  const YamlNode root = YamlNode::load_text(text, name);
+  check_schema(root);
+  CalibrationHead head;
+  Calibration& calibration = head.calibration;
+  calibration.created = root.text("created");
+  calibration.station_hash = root.text("station_hash");
+  const YamlNode sensor = root.at("sensor");
+  calibration.sensor = read_sensor_format(sensor, "black_level_dn");
+  sensor.finish();
+  calibration.noise = read_noise(root.at("noise"));
+  calibration.geometry.camera = read_camera(root.at("camera"));
+  read_lights(root.at("lights"), head);
+  const std::vector<double> white =
+      root.numbers("white_reflectance", 3, {.least = 0, .most = 1.1, .open = true});
+  std::copy(white.begin(), white.end(), calibration.white_reflectance.begin());
+  head.checksum = root.text("checksum");
+  root.finish();
+  return head;
+}
+
+}  // namespace brdfgate

@@ -1,0 +1,165 @@
+// brdfgate inspect and reconstruct: recordings to verdicts, weights and BRDF files.
+#include <fmt/core.h>
+
+#include "app/commands/commands.hpp"
+#include "app/pictures.hpp"
+#include "app/progress.hpp"
+#include "app/result_json.hpp"
+#include "app/session.hpp"
+#include "app/stopwatch.hpp"
+#include "model/reconstruction.hpp"
+
+namespace brdfgate {
+namespace {
+
+struct InspectOptions {
+  SessionOptions session;
+  std::vector<std::filesystem::path> from;
+  std::filesystem::path export_dir;
+  std::filesystem::path evidence_dir;
+  std::string method = "ridge";
+};
+
+/// One folder for one recording; a folder of the recording's name in it where there are several.
+std::filesystem::path folder_for(const std::filesystem::path& base, const std::string& recording,
+                                 bool several) {
+  const auto dir = several ? base / recording : base;
+  std::error_code failed;
+  std::filesystem::create_directories(dir, failed);
+  if (failed) throw InputError(dir.string(), "cannot be created: " + failed.message());
+  return dir;
+}
+
+/// cluster_<n>.binary for every cluster with valid weights; names, empty where there is none.
+std::vector<std::string> export_brdfs(const std::filesystem::path& dir, const Inspection& part,
+                                      const Basis& basis) {
+  std::vector<std::string> files;
+  for (const ClusterResult& cluster : part.result.clusters) {
+    files.emplace_back();
+    if (!cluster.valid.weights) continue;
+    files.back() = "cluster_" + std::to_string(cluster.index) + ".binary";
+    write_merl(dir / files.back(), tabulate(basis, cluster.raw));
+  }
+  return files;
+}
+
+void print_part(const std::string& name, const PartResult& r) {
+  fmt::print("{}: {}\n", name, r.verdict == Verdict::none ? "measured" : to_text(r.verdict));
+  for (const Finding& f : r.findings)
+    fmt::print("  {}\n", f.text);
+  for (const ClusterResult& c : r.clusters) {
+    fmt::print("  {:<10} {:5.1f} % of the part, {} bins", c.name, 100 * c.area_share, c.bins);
+    if (!c.valid.weights) {
+      fmt::print(", weights not valid\n");
+      continue;
+    }
+    fmt::print(", residual {:.3f}, gloss 20/60/85: {:.1f}/{:.1f}/{:.1f} GU{}", c.raw.residual_rms,
+               c.gloss_gu[0], c.gloss_gu[1], c.gloss_gu[2], c.valid.gloss ? "" : " (extrapolated)");
+    if (c.valid.colour) fmt::print(", L*a*b* {:.1f} {:.1f} {:.1f}", c.lab[0], c.lab[1], c.lab[2]);
+    if (c.deviation.t2_limit > 0) {
+      fmt::print(", T2 {:.1f} of {:.1f}, SPE {:.2f} of {:.2f}", c.deviation.t2,
+                 c.deviation.t2_limit, c.deviation.spe, c.deviation.spe_limit);
+    }
+    fmt::print("\n");
+  }
+}
+
+/// Inspects one recording, writes what was asked for and returns its JSON.
+using Measure = std::function<Inspection(const Capture&)>;
+nlohmann::json process(const InspectOptions& options, const Inspector& inspector,
+                       const Measure& measure, const Recording& recording, bool several) {
+  const Stopwatch watch;
+  const Inspection part = measure(recording.capture);
+  const CycleTimes times{0, watch.elapsed_ms()};
+  std::vector<std::string> brdfs;
+  nlohmann::json json;
+  if (!options.export_dir.empty()) {
+    const auto dir = folder_for(options.export_dir, recording.name, several);
+    brdfs = export_brdfs(dir, part, inspector.basis());
+    json = part_to_json(recording.name, part.result, times, brdfs);
+    write_text_file(dir / "result.json", result_document({json}).dump(2) + "\n");
+  } else {
+    json = part_to_json(recording.name, part.result, times);
+  }
+  if (!options.evidence_dir.empty()) {
+    write_pictures(folder_for(options.evidence_dir, recording.name, several),
+                   draw(part, inspector));
+  }
+  if (!options.session.json) print_part(recording.name, part.result);
+  return json;
+}
+
+std::vector<Verdict> run(const InspectOptions& options, const StationConfig& config,
+                         const Inspector& inspector, const Measure& measure) {
+  const auto folders = find_all_recordings(options.from);
+  std::vector<nlohmann::json> parts;
+  std::vector<Verdict> verdicts;
+  Progress progress("inspecting", static_cast<int>(folders.size()));
+  for (const auto& dir : folders) {
+    const Recording recording =
+        load_part(dir, config, inspector, !options.session.calibration.empty());
+    parts.push_back(process(options, inspector, measure, recording, folders.size() > 1));
+    const std::string verdict = parts.back()["verdict"];
+    verdicts.push_back(verdict == "pass"     ? Verdict::pass
+                       : verdict == "reject" ? Verdict::reject
+                                             : Verdict::not_judged);
+    progress.advance();
+  }
+  if (options.session.json) fmt::print("{}\n", result_document(parts).dump(2));
+  return verdicts;
+}
+
+int inspect(const InspectOptions& options) {
+  const StationConfig config = load_config(options.session);
+  const Inspector inspector = load_inspector(config);
+  const auto recipe = load_recipe(config, inspector);
+  return exit_code_of(run(options, config, inspector, [&](const Capture& capture) {
+    return inspector.inspect(capture, recipe ? &*recipe : nullptr);
+  }));
+}
+
+/// 0 where every part gave weights, else 3.
+int reconstruct(const InspectOptions& options) {
+  const StationConfig config = load_config(options.session);
+  const Inspector inspector = load_inspector(config);
+  bool all_measured = true;
+  run(options, config, inspector, [&](const Capture& capture) {
+    Inspection part = inspector.measure(capture);
+    all_measured &= std::any_of(part.result.clusters.begin(), part.result.clusters.end(),
+                                [](const ClusterResult& c) { return c.valid.weights; });
+    return part;
+  });
+  return all_measured ? kExitYes : kExitNotJudged;
+}
+
+}  // namespace
+
+void add_inspect(CLI::App& tool, int& exit_code) {
+  auto options = std::make_shared<InspectOptions>();
+  CLI::App* command = tool.add_subcommand("inspect", "judge recordings against the recipe");
+  options->session.add_to(*command);
+  options->session.add_overrides_to(*command);
+  command->add_option("--from", options->from, "a recording, or a folder of recordings")
+      ->required();
+  command->add_option("--export-brdf", options->export_dir,
+                      "write each cluster's BRDF and result.json here");
+  command->add_option("--evidence", options->evidence_dir, "write pictures here");
+  command->callback([options, &exit_code] { exit_code = inspect(*options); });
+}
+
+void add_reconstruct(CLI::App& tool, int& exit_code) {
+  auto options = std::make_shared<InspectOptions>();
+  CLI::App* command = tool.add_subcommand(
+      "reconstruct", "cluster, reconstruct and export BRDFs: no recipe, no verdict");
+  options->session.add_to(*command);
+  options->session.add_overrides_to(*command);
+  command->add_option("--from", options->from, "a recording, or a folder of recordings")
+      ->required();
+  command->add_option("--out", options->export_dir, "folder for cluster_<n>.binary and result.json")
+      ->required();
+  command->add_option("--evidence", options->evidence_dir, "write pictures here");
+  command->add_option("--method", options->method, "estimator")->check(CLI::IsMember({"ridge"}));
+  command->callback([options, &exit_code] { exit_code = reconstruct(*options); });
+}
+
+}  // namespace brdfgate

@@ -1,0 +1,177 @@
+#include "app/daemon.hpp"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <ctime>
+
+#include "app/plc/device.hpp"
+#include "app/recipe_file.hpp"
+#include "app/session.hpp"
+#include "config/register_map.hpp"
+#include "model/error.hpp"
+
+namespace brdfgate {
+namespace {
+
+using namespace std::chrono_literals;
+
+/// How often the gate's clockwork is looked at; the heartbeat's period is 100 ms.
+constexpr auto kTick = 50ms;
+constexpr auto kStoreEvery = 5s;
+/// Warn from this share of a limit on.
+constexpr double kWarnShare = 0.5;
+/// A clock before this build's year was never set.
+constexpr std::time_t kClockValidFrom = 1767225600;  // 2026-01-01
+
+std::chrono::milliseconds seconds(double s) {
+  return std::chrono::milliseconds(static_cast<long>(1000 * s));
+}
+
+PlcGateSettings gate_settings(const PlcConfig& plc) {
+  PlcGateSettings settings;
+  settings.word_order = plc.word_order;
+  settings.handshake_timeout = seconds(plc.handshake_timeout_s);
+  settings.plc_heartbeat_timeout = seconds(plc.heartbeat_timeout_s);
+  settings.owner_silence = std::min(settings.owner_silence, seconds(plc.tcp.idle_timeout_s));
+  settings.note = [](const std::string& text) { spdlog::warn("{}", text); };
+  return settings;
+}
+
+TcpServerSettings server_settings(const PlcConfig& plc) {
+  TcpServerSettings settings;
+  settings.bind = plc.tcp.bind;
+  settings.port = plc.tcp.port;
+  settings.allow = plc.tcp.allow;
+  settings.max_clients = plc.tcp.max_clients;
+  settings.request_deadline =
+      std::chrono::milliseconds(static_cast<long>(plc.tcp.request_deadline_ms));
+  settings.idle_timeout = seconds(plc.tcp.idle_timeout_s);
+  settings.unit_id = static_cast<std::uint8_t>(plc.unit_id);
+  settings.device = device_identification();
+  return settings;
+}
+
+}  // namespace
+
+Daemon::Daemon(const StationConfig& config, const std::filesystem::path& evidence_dir)
+    : config_(config),
+      inspector_(load_inspector(config)),
+      counter_file_(config.files.state_dir),
+      gate_(RegisterMap::built_in(), gate_settings(config.plc), counter_file_.at_start()),
+      station_(open_station(config)) {
+  if (!counter_file_.warning().empty()) spdlog::warn("{}", counter_file_.warning());
+  load_recipes();
+  if (!evidence_dir.empty()) evidence_ = std::make_unique<EvidenceWriter>(evidence_dir, inspector_);
+  cycle_ = std::make_unique<InspectionCycle>(*station_, inspector_, gate_, marks_, config_.camera,
+                                             [this](const Inspection& part) { observe(part); });
+  cycle_->use(in_force_);
+  announce(StationState::initialized);
+  if (config.plc.tcp.enabled)
+    server_ = std::make_unique<TcpServer>(server_settings(config.plc), gate_, gate_);
+  housekeeper_ = std::jthread([this](const std::stop_token& stop) { keep_house(stop); });
+}
+
+Daemon::~Daemon() {
+  announce(StationState::halted);
+  station_->lights().all_off();
+  housekeeper_.request_stop();
+  housekeeper_.join();
+}
+
+void Daemon::load_recipes() {
+  for (const auto& file : config_.files.recipes) {
+    Recipe recipe = read_recipe(file);
+    const auto id = static_cast<std::uint16_t>(recipe.id);
+    if (recipes_.count(id) != 0) {
+      throw InputError(file.string(), "id " + std::to_string(id) + " is taken by another recipe",
+                       "unique ids");
+    }
+    recipes_.emplace(id, inspector_.bring_into_force(std::move(recipe)));
+    if (in_force_ == nullptr) in_force_ = &recipes_.at(id);
+  }
+  std::vector<std::uint16_t> ids;
+  for (const auto& [id, recipe] : recipes_)
+    ids.push_back(id);
+  gate_.set_recipes(std::move(ids));
+}
+
+void Daemon::choose_recipe(std::uint16_t id) {
+  in_force_ = &recipes_.at(id);
+  cycle_->use(in_force_);
+  announce(StationState::ready);
+  spdlog::info("recipe {} '{}' is in force", id, in_force_->recipe.name);
+}
+
+void Daemon::announce(StationState state) {
+  StationStatus status;
+  status.state = state;
+  status.warning_bits = warnings_;
+  status.recipe_id = in_force_ != nullptr ? static_cast<std::uint16_t>(in_force_->recipe.id) : 0;
+  status.clusters =
+      in_force_ != nullptr ? static_cast<std::uint16_t>(in_force_->recipe.clusters.size()) : 0;
+  status.components = static_cast<std::uint16_t>(inspector_.basis().info().components);
+  status.channels = static_cast<std::uint16_t>(inspector_.calibration().sensor.channels());
+  status.config_hash = config_.hash;
+  status.simulated = station_->simulated();
+  status.time_valid = std::time(nullptr) >= kClockValidFrom;
+  gate_.set_station(status);
+}
+
+void Daemon::observe(const Inspection& part) {
+  std::uint16_t bits = warnings_ & warning_bit::kDisk;
+  if (part.result.ambient > kWarnShare * config_.judge.max_ambient) bits |= warning_bit::kAmbient;
+  if (part.result.clipped > kWarnShare * config_.judge.max_clipped) bits |= warning_bit::kClipped;
+  if (bits != warnings_) {
+    warnings_ = bits;
+    announce(StationState::ready);
+  }
+  if (evidence_) evidence_->offer(part);
+}
+
+void Daemon::run(const std::stop_token& stop) {
+  const std::stop_callback wake(stop, [this] { gate_.wake(); });
+  announce(StationState::ready);
+  while (!stop.stop_requested()) {
+    ++marks_.capture;
+    ++marks_.judging;
+    const PlcCommand command = gate_.wait_for_command(100ms);
+    if (const auto* trigger = std::get_if<TriggerAccepted>(&command))
+      cycle_->run(trigger->trigger_id);
+    if (const auto* selected = std::get_if<RecipeSelected>(&command))
+      choose_recipe(selected->recipe);
+    if (std::holds_alternative<ErrorCleared>(command)) announce(StationState::ready);
+  }
+}
+
+void Daemon::keep_house(const std::stop_token& stop) {
+  std::mutex unused;
+  std::condition_variable_any pause;
+  SteadyTime next_store = std::chrono::steady_clock::now() + kStoreEvery;
+  FaultLog faults;
+  while (!stop.stop_requested()) {
+    const SteadyTime now = std::chrono::steady_clock::now();
+    const TickReport report = gate_.tick(now, {marks_.capture, marks_.judging});
+    if (report.handshake_released)
+      faults.report("handshake", "the PLC did not acknowledge; released");
+    if (report.plc_heartbeat_lost) faults.report("PLC heartbeat", "stands still");
+    if (now >= next_store || stop.stop_requested()) {
+      next_store = now + kStoreEvery;
+      try {
+        counter_file_.store(gate_.counters());
+      } catch (const InputError& error) {
+        warnings_ |= warning_bit::kDisk;
+        faults.report("state directory", error.what());
+      }
+    }
+    std::unique_lock lock(unused);
+    pause.wait_for(lock, stop, kTick, [] { return false; });
+  }
+  try {
+    counter_file_.store(gate_.counters());
+  } catch (const InputError& error) {
+    faults.report("state directory", error.what());
+  }
+}
+
+}  // namespace brdfgate

@@ -1,0 +1,55 @@
+// brdfgated: composes station, inspector and PLC, and runs until it is told to stop.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <stop_token>
+
+#include "app/evidence.hpp"
+#include "app/inspection_cycle.hpp"
+#include "app/inspector.hpp"
+#include "app/plc/counters.hpp"
+#include "app/plc/plc_gate.hpp"
+#include "app/station.hpp"
+#include "config/station_config.hpp"
+#include "hal/modbus/tcp_server.hpp"
+
+namespace brdfgate {
+
+/// Threads: the caller's runs inspections; the Modbus server has its own; one more ticks the gate
+/// and stores counters; one draws pictures. All share the PlcGate, which locks for itself.
+class Daemon {
+ public:
+  /// Opens everything the configuration names. Throws InputError or DeviceError (port in use).
+  Daemon(const StationConfig& config, const std::filesystem::path& evidence_dir);
+  ~Daemon();
+
+  int port() const { return server_ ? server_->port() : 0; }
+
+  /// Serves commands until `stop` is requested.
+  void run(const std::stop_token& stop);
+
+ private:
+  void load_recipes();
+  void choose_recipe(std::uint16_t id);
+  void announce(StationState state);
+  void keep_house(const std::stop_token& stop);
+  void observe(const Inspection& part);
+
+  const StationConfig config_;
+  Inspector inspector_;
+  std::map<std::uint16_t, RecipeInForce> recipes_;
+  const RecipeInForce* in_force_ = nullptr;
+  CounterFile counter_file_;
+  PlcGate gate_;
+  std::unique_ptr<Station> station_;
+  CycleMarks marks_;
+  std::unique_ptr<EvidenceWriter> evidence_;
+  std::atomic<std::uint16_t> warnings_{0};
+  std::unique_ptr<InspectionCycle> cycle_;
+  std::unique_ptr<TcpServer> server_;
+  std::jthread housekeeper_;
+};
+
+}  // namespace brdfgate

@@ -1,0 +1,43 @@
+#include "app/evidence.hpp"
+
+#include <spdlog/spdlog.h>
+
+#include "app/pictures.hpp"
+
+namespace brdfgate {
+
+EvidenceWriter::EvidenceWriter(std::filesystem::path dir, const Inspector& inspector)
+    : dir_(std::move(dir)),
+      inspector_(inspector),
+      thread_([this](const std::stop_token& stop) { work(stop); }) {}
+
+EvidenceWriter::~EvidenceWriter() {
+  thread_.request_stop();
+  thread_.join();
+}
+
+void EvidenceWriter::offer(const Inspection& part) {
+  {
+    const std::lock_guard lock(mutex_);
+    waiting_ = part;
+  }
+  offered_.notify_one();
+}
+
+void EvidenceWriter::work(const std::stop_token& stop) {
+  while (true) {
+    std::unique_lock lock(mutex_);
+    offered_.wait(lock, stop, [this] { return waiting_.has_value(); });
+    if (!waiting_) return;  // stopped, and nothing left to draw
+    const Inspection part = std::move(*waiting_);
+    waiting_.reset();
+    lock.unlock();
+    try {
+      write_pictures(dir_, draw(part, inspector_));
+    } catch (const std::exception& error) {
+      spdlog::warn("pictures of the last part: {}", error.what());
+    }
+  }
+}
+
+}  // namespace brdfgate

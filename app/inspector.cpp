@@ -1,0 +1,269 @@
+#include "app/inspector.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <opencv2/core.hpp>
+
+#include "model/error.hpp"
+#include "model/judge.hpp"
+#include "model/mapping.hpp"
+#include "model/reconstruction.hpp"
+
+namespace brdfgate {
+namespace {
+
+constexpr double kDegree = EIGEN_PI / 180;
+
+/// A highlight counts as seen when the peak of light 1 lies inside the view and stands at least
+/// this far above what light 2 sees (in-peak over off-peak).
+constexpr double kHighlightRatio = 2.0;
+constexpr double kPeakThetaH = 2.0 * kDegree;
+/// Gloss at 60 degrees is measured, not extrapolated, where the peak was seen this near to 60
+/// degrees.
+constexpr double kGlossReach = 8.0 * kDegree;
+
+cv::Mat cells_that_are_not_part(const std::vector<Reflectance>& r, const CellGeometry& cells,
+                                const FixtureAppearance& fixture) {
+  cv::Mat outside;
+  cv::bitwise_not(cells.inside, outside);
+  return outside | fixture_cells(r, fixture);
+}
+
+/// The capture with the sensor as calibrated: its recording holds the datasheet's black level.
+/// Frames share their pixels.
+Capture with_measured_black(const Capture& capture, const SensorFormat& calibrated) {
+  SensorFormat expected = capture.sensor;
+  expected.black_level_dn = calibrated.black_level_dn;
+  if (!(expected == calibrated)) {
+    throw InputError("capture",
+                     std::to_string(capture.sensor.width) + " x " +
+                         std::to_string(capture.sensor.height) + " at " +
+                         std::to_string(capture.sensor.bits) + " bits is another sensor format",
+                     std::to_string(calibrated.width) + " x " + std::to_string(calibrated.height) +
+                         " at " + std::to_string(calibrated.bits) + " bits, as calibrated");
+  }
+  return {calibrated, capture.frames};
+}
+
+double clipped_share(const std::vector<Reflectance>& r, const cv::Mat& part) {
+  const int cells = cv::countNonZero(part);
+  if (cells == 0) return 0;
+  cv::Mat clipped = cv::Mat::zeros(part.size(), CV_8U);
+  for (const Reflectance& light : r)
+    clipped |= (light.mask & kClipped);
+  return double(cv::countNonZero(clipped & part)) / cells;
+}
+
+/// As many cells of bare fixture tell the ambient light's level.
+constexpr int kFixtureCells = 500;
+/// A part is not taken for darker than this when ambient light is told from it.
+constexpr double kDarkestAlbedo = 0.02;
+
+struct PeakSight {
+  bool inside = false;       ///< a bin around theta_h = 0 was seen under light 1
+  bool near_60_deg = false;  ///< and one of them near theta_d = 60 degrees
+  bool stands_out = false;   ///< and it is brighter than light 2's median by kHighlightRatio
+};
+
+double luminance(const Bin& bin, int channels) {
+  return channels == 1 ? bin.f[0] : 0.2126 * bin.f[0] + 0.7152 * bin.f[1] + 0.0722 * bin.f[2];
+}
+
+PeakSight look_for_peak(const BinnedSamples& samples) {
+  PeakSight sight;
+  double peak = 0;
+  std::vector<double> off_peak;
+  for (const Bin& bin : samples.bins) {
+    if (bin.light == 1 && bin.angles.theta_h < kPeakThetaH) {
+      sight.inside = true;
+      sight.near_60_deg |= std::abs(bin.angles.theta_d - 60 * kDegree) < kGlossReach;
+      peak = std::max(peak, luminance(bin, samples.channels));
+    } else if (bin.light == 2) {
+      off_peak.push_back(luminance(bin, samples.channels));
+    }
+  }
+  if (off_peak.empty()) return sight;
+  std::nth_element(off_peak.begin(), off_peak.begin() + off_peak.size() / 2, off_peak.end());
+  sight.stands_out = sight.inside && peak > kHighlightRatio * off_peak[off_peak.size() / 2];
+  return sight;
+}
+
+void add_readings(ClusterResult& cluster, const std::shared_ptr<const Basis>& basis,
+                  const PeakSight& peak, bool colour_calibrated) {
+  const BrdfPtr brdf = make_brdf(basis, cluster.raw);
+  cluster.gloss_gu = gloss_gu(*brdf);
+  cluster.valid.gloss = peak.inside;
+  cluster.valid.measured = peak.near_60_deg;
+  cluster.valid.highlight = peak.stands_out;
+  if (cluster.channels == 3 && colour_calibrated) {
+    cluster.lab = lab_45_0(*brdf);
+    cluster.valid.colour = true;
+  }
+}
+
+}  // namespace
+
+Inspector::Inspector(const StationConfig& config, std::shared_ptr<const Basis> basis,
+                     Calibration calibration)
+    : settings_(config.inspection),
+      judge_(config.judge),
+      basis_(std::move(basis)),
+      calibration_(std::move(calibration)) {
+  if (calibration_.station_hash != config.station_hash) {
+    throw InputError(config.files.calibration.string(),
+                     "station_hash " + calibration_.station_hash.substr(0, 16) +
+                         " belongs to another sensor or rig",
+                     config.station_hash.substr(0, 16) + " (run brdfgate calibrate)");
+  }
+  const cv::Size2d region(settings_.region_mm[0] * 1e-3, settings_.region_mm[1] * 1e-3);
+  map_.cells = cell_geometry(calibration_.geometry, calibration_.sensor, region);
+  map_.bins = make_bin_map(map_.cells);
+}
+
+RecipeInForce Inspector::bring_into_force(Recipe recipe) const {
+  const std::string where = "recipe '" + recipe.name + "'";
+  if (recipe.basis_checksum != basis_->info().checksum) {
+    throw InputError(where,
+                     "basis_checksum " + recipe.basis_checksum.substr(0, 16) + " is another basis",
+                     basis_->info().checksum.substr(0, 16) + " (teach again)");
+  }
+  if (recipe.calibration_hash != calibration_.hash) {
+    throw InputError(
+        where,
+        "calibration_hash " + recipe.calibration_hash.substr(0, 16) + " is another calibration",
+        calibration_.hash.substr(0, 16) + " (teach again)");
+  }
+  RecipeInForce force{std::move(recipe), {}};
+  const double to_c = 1 / std::sqrt(double(basis_->info().observations));
+  for (const TaughtCluster& cluster : force.recipe.clusters) {
+    TaughtAppearance look{Eigen::ArrayXXd(map_.bins.bins(), cluster.mean.cols())};
+    for (Eigen::Index ch = 0; ch < cluster.mean.cols(); ++ch) {
+      const Eigen::VectorXd c = cluster.mean.col(ch) * to_c;
+      look.log_f.col(ch) = basis_->reconstruct(c, map_.bins.mean_angles).array().max(1e-6).log();
+    }
+    for (int bin = 0; bin < map_.bins.bins(); ++bin) {
+      if (map_.bins.light[bin] != 2) look.log_f.row(bin) = std::numeric_limits<double>::quiet_NaN();
+    }
+    force.appearance.push_back(std::move(look));
+  }
+  return force;
+}
+
+ClusterResult Inspector::measure_cluster(const BinnedSamples& samples, int index,
+                                         int min_bins) const {
+  ClusterResult cluster;
+  cluster.index = index;
+  cluster.name = "cluster " + std::to_string(index);
+  cluster.channels = samples.channels;
+  cluster.bins = static_cast<int>(samples.bins.size());
+  cluster.coverage = double(cluster.bins) / std::max(1, map_.bins.bins());
+  cluster.present = true;
+  if (samples.bins.empty()) return cluster;
+  const int observations = basis_->info().observations;
+  cluster.raw = ridge(*basis_, samples, settings_.eta);
+  cluster.weights = cluster.raw.in_prior_sigmas(observations);
+  cluster.weight_sigmas = cluster.raw.sigmas_in_prior_sigmas(observations);
+  cluster.valid.weights = cluster.bins >= min_bins && cluster.weights.allFinite();
+  if (cluster.valid.weights) {
+    add_readings(cluster, basis_, look_for_peak(samples), settings_.colour_calibrated);
+  }
+  return cluster;
+}
+
+const JudgeSettings& Inspector::settings_for(const RecipeInForce* recipe) const {
+  return recipe != nullptr ? recipe->recipe.settings : judge_;
+}
+
+Regions Inspector::regions_of(const std::vector<Reflectance>& r,
+                              const RecipeInForce* recipe) const {
+  const cv::Mat not_part = cells_that_are_not_part(r, map_.cells, settings_.fixture);
+  const int part = static_cast<int>(not_part.total()) - cv::countNonZero(not_part);
+  const double coverage = double(part) / std::max(1, cv::countNonZero(map_.cells.inside));
+  if (coverage < settings_for(recipe).min_coverage) {
+    const cv::Mat nothing(not_part.size(), CV_8U, cv::Scalar(kNotPart));
+    return {nothing, recipe != nullptr ? static_cast<int>(recipe->appearance.size()) : 0, coverage};
+  }
+  if (recipe == nullptr) return find_regions(r, map_.cells, not_part, settings_.max_clusters);
+  return assign_regions(r, map_.bins, not_part, recipe->appearance,
+                        recipe->recipe.settings.assign_tolerance);
+}
+
+void Inspector::measure_clusters(Inspection& part, const RecipeInForce* recipe) const {
+  const Regions& regions = part.result.regions;
+  const int part_cells = std::max(1, cv::countNonZero(regions.label != kNotPart));
+  const JudgeSettings& settings = settings_for(recipe);
+  part.samples = bin_all(part.reflectance, map_, regions);
+  for (int i = 0; i < regions.clusters; ++i) {
+    const BinnedSamples& samples = part.samples[static_cast<std::size_t>(i)];
+    ClusterResult cluster = measure_cluster(samples, i, settings.min_bins);
+    cluster.pixels = cv::countNonZero(regions.label == i);
+    cluster.present = cluster.pixels > 0;
+    cluster.area_share = double(cluster.pixels) / part_cells;
+    part.observed.emplace_back();
+    if (cluster.valid.weights) {
+      part.observed.back() =
+          observe(*basis_, samples, cluster.raw, settings.monitored_weights, settings_.eta);
+    }
+    part.result.clusters.push_back(std::move(cluster));
+  }
+}
+
+double Inspector::ambient_level(const Radiance& ambient, const std::vector<Reflectance>& r,
+                                const cv::Mat& on_part) const {
+  // The bare fixture around the part is Lambertian and known; the part itself is the second best
+  // witness.
+  const cv::Mat fixture = fixture_cells(r, settings_.fixture);
+  if (cv::countNonZero(fixture) >= kFixtureCells) {
+    return ambient_share(ambient, calibration_, fixture, settings_.fixture.reflectance);
+  }
+  const cv::Scalar f = cv::mean(r[1].value, on_part);
+  const Eigen::Array3d albedo = EIGEN_PI * Eigen::Array3d(f[0], f[1], f[2]);
+  const cv::Mat cells = cv::countNonZero(on_part) > 0 ? on_part : map_.cells.inside;
+  return ambient_share(ambient, calibration_, cells, albedo.max(kDarkestAlbedo));
+}
+
+Inspection Inspector::measure(const Capture& capture, const RecipeInForce* recipe) const {
+  const RadianceSet radiance =
+      to_radiance(with_measured_black(capture, calibration_.sensor), calibration_.noise,
+                  static_cast<int>(calibration_.geometry.lights_W.size()));
+  Inspection part;
+  part.reflectance = to_reflectance(radiance, calibration_);
+  part.result.tilt_sigma_deg.fill(settings_.fixture_tilt_sigma_deg);
+  part.result.regions = regions_of(part.reflectance, recipe);
+  const Regions& regions = part.result.regions;
+  const cv::Mat on_part = regions.label != kNotPart;
+  part.facts.coverage = regions.coverage;
+  part.facts.ambient = ambient_level(radiance.ambient, part.reflectance, on_part);
+  part.facts.clipped = clipped_share(part.reflectance, on_part);
+  part.facts.unknown_share =
+      double(cv::countNonZero(regions.label == kUnknown)) / std::max(1, cv::countNonZero(on_part));
+  measure_clusters(part, recipe);
+  if (recipe != nullptr) {
+    part.facts.defects =
+        find_defects(part.reflectance, map_, regions, recipe->appearance, recipe->recipe.settings);
+  }
+  part.result.ambient = part.facts.ambient;
+  part.result.clipped = part.facts.clipped;
+  part.result.defects = part.facts.defects;
+  return part;
+}
+
+void Inspector::judge(Inspection& part, const RecipeInForce* recipe) const {
+  Judgement judgement = brdfgate::judge(recipe != nullptr ? &recipe->recipe : nullptr, judge_,
+                                        part.result.clusters, part.observed, part.facts);
+  part.result.verdict = judgement.verdict;
+  part.result.reason_bits = judgement.reason_bits;
+  part.result.findings = std::move(judgement.findings);
+  part.result.t2_ratio = judgement.t2_ratio;
+  part.result.spe_ratio = judgement.spe_ratio;
+  part.result.worst_cluster = judgement.worst_cluster;
+}
+
+Inspection Inspector::inspect(const Capture& capture, const RecipeInForce* recipe) const {
+  Inspection part = measure(capture, recipe);
+  judge(part, recipe);
+  return part;
+}
+
+}  // namespace brdfgate

@@ -1,0 +1,79 @@
+// One part's way from frames to a verdict, composed from model/.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "config/station_config.hpp"
+#include "model/basis.hpp"
+#include "model/calibration.hpp"
+#include "model/judge.hpp"
+#include "model/recipe.hpp"
+#include "model/verdict.hpp"
+
+namespace brdfgate {
+
+/// Everything that is known of one inspected part: what the tool exports and draws.
+struct Inspection {
+  PartResult result;
+  std::vector<Reflectance> reflectance;                     ///< [0] light 1
+  std::vector<BinnedSamples> samples;                       ///< per cluster
+  std::vector<std::optional<ClusterObservation>> observed;  ///< per cluster with valid weights
+  PartFacts facts;  ///< what is known of the part as a whole
+};
+
+/// A recipe with what is derived from it once, when it comes into force.
+struct RecipeInForce {
+  Recipe recipe;
+  std::vector<TaughtAppearance> appearance;  ///< per cluster
+};
+
+/// Holds what is fixed while calibration and basis are: directions, bins, expected appearances.
+/// Thread-compatible: const members may run concurrently.
+class Inspector {
+ public:
+  /// Throws InputError where the calibration belongs to another station than `config`.
+  Inspector(const StationConfig& config, std::shared_ptr<const Basis> basis,
+            Calibration calibration);
+
+  /// Throws InputError where the recipe belongs to another basis or calibration.
+  RecipeInForce bring_into_force(Recipe recipe) const;
+
+  /// Measures: regions (taught ones with a recipe, else found), bins, weights, readings, defects;
+  /// no verdict yet. Throws InputError for a capture that does not fit the calibration (sizes,
+  /// missing light or ambient frame).
+  Inspection measure(const Capture& capture, const RecipeInForce* recipe = nullptr) const;
+
+  /// Fills verdict and findings of a measured part. Without a recipe the verdict is "not judged"
+  /// for lack of one, and weights and readings stay valid.
+  void judge(Inspection& part, const RecipeInForce* recipe) const;
+
+  /// Both.
+  Inspection inspect(const Capture& capture, const RecipeInForce* recipe) const;
+
+  const Basis& basis() const { return *basis_; }
+  std::shared_ptr<const Basis> shared_basis() const { return basis_; }
+  const Calibration& calibration() const { return calibration_; }
+  const StationMap& map() const { return map_; }
+  /// In force without a recipe; a recipe brings its own.
+  const JudgeSettings& judge_settings() const { return judge_; }
+  double eta() const { return settings_.eta; }
+
+ private:
+  Regions regions_of(const std::vector<Reflectance>& r, const RecipeInForce* recipe) const;
+  double ambient_level(const Radiance& ambient, const std::vector<Reflectance>& r,
+                       const cv::Mat& on_part) const;
+  const JudgeSettings& settings_for(const RecipeInForce* recipe) const;
+  ClusterResult measure_cluster(const BinnedSamples& samples, int index, int min_bins) const;
+  void measure_clusters(Inspection& part, const RecipeInForce* recipe) const;
+
+  InspectionConfig settings_;
+  JudgeSettings judge_;
+  std::shared_ptr<const Basis> basis_;
+  Calibration calibration_;
+  StationMap map_;
+};
+
+}  // namespace brdfgate

@@ -1,0 +1,135 @@
+#include "app/result_json.hpp"
+
+#include <cmath>
+#include <fstream>
+
+#include "model/error.hpp"
+
+namespace brdfgate {
+namespace {
+
+using nlohmann::json;
+
+/// JSON has no NaN: a value that could not be had is null.
+json finite(double v) {
+  return std::isfinite(v) ? json(v) : json(nullptr);
+}
+
+/// Channel by channel, then component.
+json by_channel(const Eigen::MatrixXd& m) {
+  json channels = json::array();
+  for (Eigen::Index ch = 0; ch < m.cols(); ++ch) {
+    json column = json::array();
+    for (Eigen::Index i = 0; i < m.rows(); ++i)
+      column.push_back(finite(m(i, ch)));
+    channels.push_back(std::move(column));
+  }
+  return channels;
+}
+
+json cluster_to_json(const ClusterResult& c, const std::string& brdf_file) {
+  json out = {
+      {"index", c.index},
+      {"name", c.name},
+      {"pixels", c.pixels},
+      {"bins", c.bins},
+      {"area_share", finite(c.area_share)},
+      {"coverage", finite(c.coverage)},
+      {"valid",
+       {{"weights", c.valid.weights},
+        {"highlight", c.valid.highlight},
+        {"gloss", c.valid.gloss},
+        {"colour", c.valid.colour},
+        {"measured", c.valid.measured}}},
+      {"method", c.method},
+      {"components", c.weights.rows()},
+      {"weights", by_channel(c.weights)},
+      {"weight_sigmas", by_channel(c.weight_sigmas)},
+      {"t2", finite(c.deviation.t2)},
+      {"t2_limit", finite(c.deviation.t2_limit)},
+      {"spe", finite(c.deviation.spe)},
+      {"spe_limit", finite(c.deviation.spe_limit)},
+      {"residual_rms", finite(c.raw.residual_rms)},
+      {"gloss_gu",
+       {{"20", finite(c.gloss_gu[0])},
+        {"60", finite(c.gloss_gu[1])},
+        {"85", finite(c.gloss_gu[2])}}},
+      {"lab", {finite(c.lab[0]), finite(c.lab[1]), finite(c.lab[2])}},
+      {"delta_e00", finite(c.delta_e00)},
+  };
+  if (!brdf_file.empty()) out["brdf"] = brdf_file;
+  return out;
+}
+
+json defects_to_json(const std::vector<Defect>& defects) {
+  json out = json::array();
+  for (const Defect& d : defects) {
+    out.push_back({{"kind", d.kind},
+                   {"at_mm", {finite(d.at_mm[0]), finite(d.at_mm[1])}},
+                   {"size_mm", finite(d.size_mm)},
+                   {"score", finite(d.score)}});
+  }
+  return out;
+}
+
+}  // namespace
+
+std::string to_text(Verdict verdict) {
+  switch (verdict) {
+    case Verdict::pass:
+      return "pass";
+    case Verdict::reject:
+      return "reject";
+    case Verdict::not_judged:
+      return "not_judged";
+    case Verdict::none:
+      break;
+  }
+  return "none";
+}
+
+json part_to_json(const std::string& recording, const PartResult& r, const CycleTimes& times,
+                  const std::vector<std::string>& brdf_files) {
+  json reasons = json::array();
+  for (const Finding& f : r.findings)
+    reasons.push_back(f.text);
+  json clusters = json::array();
+  for (std::size_t i = 0; i < r.clusters.size(); ++i) {
+    clusters.push_back(
+        cluster_to_json(r.clusters[i], i < brdf_files.size() ? brdf_files[i] : std::string()));
+  }
+  return {{"recording", recording},
+          {"verdict", to_text(r.verdict)},
+          {"reasons", std::move(reasons)},
+          {"reason_bits", r.reason_bits},
+          {"t2_ratio", finite(r.t2_ratio)},
+          {"spe_ratio", finite(r.spe_ratio)},
+          {"tilt_deg", {finite(r.tilt_deg[0]), finite(r.tilt_deg[1])}},
+          {"tilt_sigma_deg", {finite(r.tilt_sigma_deg[0]), finite(r.tilt_sigma_deg[1])}},
+          {"ambient", finite(r.ambient)},
+          {"acquisition_ms", finite(times.acquisition_ms)},
+          {"processing_ms", finite(times.processing_ms)},
+          {"defects", defects_to_json(r.defects)},
+          {"clusters", std::move(clusters)}};
+}
+
+json result_document(std::vector<json> parts) {
+  return {{"schema", "brdfgate.result/1"}, {"parts", std::move(parts)}};
+}
+
+void write_text_file(const std::filesystem::path& file, const std::string& text) {
+  const std::filesystem::path temporary = file.string() + ".tmp";
+  {
+    std::ofstream out(temporary, std::ios::binary | std::ios::trunc);
+    out << text;
+    out.flush();
+    if (!out)
+      throw InputError(temporary.string(), "cannot be written",
+                       "a writable folder with free space");
+  }
+  std::error_code failed;
+  std::filesystem::rename(temporary, file, failed);
+  if (failed) throw InputError(file.string(), "cannot be replaced: " + failed.message());
+}
+
+}  // namespace brdfgate

@@ -1,0 +1,84 @@
+#include "app/station.hpp"
+
+#include <set>
+
+#include "config/scene_reader.hpp"
+#include "hal/sim/sim_station.hpp"
+#include "model/error.hpp"
+
+namespace brdfgate {
+namespace {
+
+class SimulatedBench final : public Station {
+ public:
+  explicit SimulatedBench(const StationConfig& config)
+      : scenes_(config.camera.scenes), seed_(config.camera.seed), bench_(config.simulator) {}
+
+  Camera& camera() override { return bench_.camera(); }
+  Lights& lights() override { return bench_.lights(); }
+  bool simulated() const override { return true; }
+
+  void next_part(std::uint32_t trigger_id) override {
+    const bool named = trigger_id >= 1 && trigger_id <= scenes_.size();
+    const std::size_t scene = named ? trigger_id - 1 : turn_++ % scenes_.size();
+    bench_.place(read_scene(scenes_[scene]), seed_, part_++);
+  }
+
+ private:
+  std::vector<std::filesystem::path> scenes_;
+  std::uint64_t seed_;
+  SimStation bench_;
+  std::uint64_t part_ = 0;
+  std::size_t turn_ = 0;
+};
+
+void capture_bracket(Station& station, LightIndex light, const std::vector<double>& exposures_ms,
+                     const CameraConfig& config, Capture& into) {
+  std::vector<ExposureRequest> bracket;
+  bracket.reserve(exposures_ms.size());
+  for (const double ms : exposures_ms)
+    bracket.push_back({ms * 1e-3, config.gain});
+  station.camera().arm(bracket);
+  const std::chrono::milliseconds timeout(static_cast<long>(config.frame_timeout_ms));
+  for (std::size_t i = 0; i < bracket.size(); ++i) {
+    RawFrame frame = station.camera().next_frame(timeout);
+    frame.light = light;
+    into.frames.push_back(std::move(frame));
+  }
+}
+
+}  // namespace
+
+std::unique_ptr<Station> open_station(const StationConfig& config) {
+  switch (config.camera.backend) {
+    case CameraBackend::simulated:
+      return std::make_unique<SimulatedBench>(config);
+  }
+  throw InputError("camera.backend", "unknown backend", "simulated");
+}
+
+Capture capture_part(Station& station, const CameraConfig& config,
+                     const std::function<void()>& acquired) {
+  const LightsOffAtExit off(station.lights());
+  station.lights().all_off();
+  Capture capture{station.camera().format(), {}};
+  capture_bracket(station, kNoLight, config.ambient_ms, config, capture);
+  for (LightIndex light = station.lights().count(); light >= 1; --light) {
+    station.lights().on(light);
+    capture_bracket(station, light, config.bracket_ms, config, capture);
+  }
+  station.lights().all_off();
+  if (acquired) acquired();
+  return capture;
+}
+
+Capture capture_dark(Station& station, const CameraConfig& config) {
+  station.lights().all_off();
+  Capture capture{station.camera().format(), {}};
+  std::set<double> exposures(config.bracket_ms.begin(), config.bracket_ms.end());
+  exposures.insert(config.ambient_ms.begin(), config.ambient_ms.end());
+  capture_bracket(station, kNoLight, {exposures.begin(), exposures.end()}, config, capture);
+  return capture;
+}
+
+}  // namespace brdfgate

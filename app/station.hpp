@@ -1,0 +1,43 @@
+// The devices of a configured station, and the sequence of exposures that captures one part.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+
+#include "config/station_config.hpp"
+#include "hal/camera.hpp"
+#include "hal/lights.hpp"
+
+namespace brdfgate {
+
+/// Camera and lights as configured. On hardware the part is simply there; on the simulated bench
+/// someone has to put it there first.
+class Station {
+ public:
+  Station() = default;
+  Station(const Station&) = delete;
+  Station& operator=(const Station&) = delete;
+  virtual ~Station() = default;
+
+  virtual Camera& camera() = 0;
+  virtual Lights& lights() = 0;
+  virtual bool simulated() const = 0;
+  /// Called before every capture. Simulated: reads the scene anew and places the next part of it:
+  /// scene number `trigger_id` for 1..n, for any other id the scenes in turn. Throws InputError for
+  /// an unusable scene file.
+  virtual void next_part(std::uint32_t trigger_id) = 0;
+};
+
+/// Throws InputError or DeviceError when a device cannot be had.
+std::unique_ptr<Station> open_station(const StationConfig& config);
+
+/// The bracket under each light and the exposures without light, lights off before and after,
+/// whatever happens. `acquired` is called when the last frame is in. Throws DeviceError.
+Capture capture_part(Station& station, const CameraConfig& config,
+                     const std::function<void()>& acquired = {});
+
+/// Every configured exposure with all lights off: a dark recording.
+Capture capture_dark(Station& station, const CameraConfig& config);
+
+}  // namespace brdfgate

@@ -1,0 +1,128 @@
+#include "app/teacher.hpp"
+
+#include <ctime>
+
+#include "model/error.hpp"
+#include "model/readings.hpp"
+#include "model/reconstruction.hpp"
+
+namespace brdfgate {
+namespace {
+
+/// A part of which more than this share fits no cluster of the first part is of another kind.
+constexpr double kForeignShare = 0.10;
+/// A strict recipe needs this many parts; fewer teach with a warning.
+constexpr int kStrictParts = 10;
+
+std::string today() {
+  const std::time_t now = std::time(nullptr);
+  std::tm utc{};
+  gmtime_r(&now, &utc);
+  char text[32];
+  std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &utc);
+  return text;
+}
+
+void require_usable(const std::string& name, const PartResult& part) {
+  constexpr ReasonBits kOnlyNoRecipe = bit(Reason::calibration_or_recipe);
+  for (const Finding& finding : part.findings) {
+    const ReasonBits reason = bit(finding.reason);
+    if ((reason & kNotJudgedBits) != 0 && reason != kOnlyNoRecipe) {
+      throw InputError(name, "cannot teach: " + finding.text, "a good part, well lit and in place");
+    }
+  }
+}
+
+double unknown_share(const Regions& regions) {
+  const int unknown = cv::countNonZero(regions.label == kUnknown);
+  const int part = cv::countNonZero(regions.label != kNotPart);
+  return part == 0 ? 0 : double(unknown) / part;
+}
+
+void add_warnings(Recipe& recipe) {
+  if (recipe.parts >= kStrictParts) return;
+  std::string text = "taught from " + std::to_string(recipe.parts) +
+                     " part(s); a strict recipe needs " + std::to_string(kStrictParts);
+  if (recipe.parts < 3) text += "; part-to-part variation is the configured floor, not measured";
+  recipe.warnings.push_back(std::move(text));
+}
+
+}  // namespace
+
+void Teacher::add(const std::string& name, const Capture& capture) {
+  const Inspection part = inspector_.inspect(capture, draft_ ? &*draft_ : nullptr);
+  require_usable(name, part.result);
+  if (!draft_) begin(name, part);
+  keep(name, part);
+  ++parts_;
+}
+
+void Teacher::begin(const std::string& name, const Inspection& first) {
+  Recipe recipe;
+  recipe.calibration_hash = inspector_.calibration().hash;
+  recipe.basis_checksum = inspector_.basis().info().checksum;
+  recipe.components = inspector_.basis().info().components;
+  recipe.channels = inspector_.calibration().sensor.channels();
+  recipe.settings = inspector_.judge_settings();
+  for (const ClusterResult& cluster : first.result.clusters) {
+    if (!cluster.valid.weights) {
+      throw InputError(
+          name, cluster.name + " covers only " + std::to_string(cluster.bins) + " angular bins",
+          std::to_string(recipe.settings.min_bins) + " or more");
+    }
+    TaughtCluster taught;
+    taught.name = cluster.index == 0 ? "body" : "region " + std::to_string(cluster.index);
+    taught.mean = cluster.weights;
+    taught.area_share = cluster.area_share;
+    recipe.clusters.push_back(std::move(taught));
+  }
+  if (recipe.clusters.empty()) throw InputError(name, "no material was found on it");
+  draft_ = inspector_.bring_into_force(std::move(recipe));
+  samples_.resize(draft_->recipe.clusters.size());
+}
+
+void Teacher::keep(const std::string& name, const Inspection& part) {
+  if (parts_ > 0 && unknown_share(part.result.regions) > kForeignShare) {
+    throw InputError(
+        name,
+        "is of another kind than the first part: a tenth of it or more matches none of "
+        "the taught materials",
+        "good parts of one kind");
+  }
+  for (std::size_t i = 0; i < samples_.size(); ++i) {
+    const ClusterResult& cluster = part.result.clusters.at(i);
+    if (!cluster.valid.weights) {
+      throw InputError(name,
+                       "is of another kind than the first part: " +
+                           draft_->recipe.clusters[i].name + " is missing",
+                       "good parts of one kind");
+    }
+    samples_[i].push_back({part.samples[i], cluster.raw, cluster.area_share});
+  }
+}
+
+Recipe Teacher::recipe(const std::string& name, int id) const {
+  if (parts_ == 0 || !draft_)
+    throw InputError(name, "nothing was taught", "at least one good part");
+  Recipe recipe = draft_->recipe;
+  recipe.id = id;
+  recipe.name = name;
+  recipe.created = today();
+  recipe.parts = parts_;
+  for (std::size_t i = 0; i < samples_.size(); ++i) {
+    const std::string cluster_name = recipe.clusters[i].name;
+    TaughtCluster taught =
+        teach_cluster(inspector_.basis(), samples_[i], recipe.settings, inspector_.eta());
+    taught.name = cluster_name;
+    Weights mean;
+    mean.c = taught.mean / std::sqrt(double(inspector_.basis().info().observations));
+    const BrdfPtr brdf = make_brdf(inspector_.shared_basis(), mean);
+    taught.gloss_gu = gloss_gu(*brdf);
+    if (recipe.channels == 3) taught.lab = lab_45_0(*brdf);
+    recipe.clusters[i] = std::move(taught);
+  }
+  add_warnings(recipe);
+  return recipe;
+}
+
+}  // namespace brdfgate

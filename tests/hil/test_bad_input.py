@@ -1,0 +1,164 @@
+#!/usr/bin/env python3
+"""Every unusable input gets one clear line and exit code 2.    test_bad_input.py PROGRAMS FOLDER"""
+import pathlib
+import shutil
+import socket
+import subprocess
+import sys
+import unittest
+
+from bench import Bench
+
+BENCH = Bench(sys.argv[1], sys.argv[2])
+WORK = BENCH.folder / "bad"
+
+
+def copy(name):
+    """A fresh copy of a good recording."""
+    target = WORK / name
+    shutil.rmtree(target, ignore_errors=True)
+    shutil.copytree(BENCH.folder / "recordings/good/part_0001", target)
+    return target
+
+
+def cut(file, share):
+    data = file.read_bytes()
+    file.write_bytes(data[: int(len(data) * share)])
+    return file
+
+
+class BadInput(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        shutil.rmtree(WORK, ignore_errors=True)
+        WORK.mkdir()
+
+    def refused(self, *arguments, says):
+        done = BENCH.run(*arguments)
+        self.assertEqual(done.returncode, 2, done.stdout + done.stderr)
+        lines = done.stderr.strip().splitlines()
+        self.assertEqual(len(lines), 1, done.stderr)
+        for text in says:
+            self.assertIn(text, lines[0])
+
+    def inspect(self, recording, *more, says):
+        self.refused("inspect", "--config", BENCH.station, "--from", recording, *more, says=says)
+
+    def test_a_truncated_basis(self):
+        basis = WORK / "short.basis"
+        shutil.copy(pathlib.Path(__file__).resolve().parents[2] / "config/basis/merl.basis", basis)
+        self.inspect(copy("a"), "--basis", cut(basis, 0.5), says=["short.basis", "size"])
+
+    def test_a_damaged_basis(self):
+        basis = WORK / "damaged.basis"
+        data = bytearray((pathlib.Path(__file__).resolve().parents[2] / "config/basis/merl.basis").read_bytes())
+        data[-1000] ^= 0x55
+        basis.write_bytes(data)
+        self.inspect(copy("b"), "--basis", basis, says=["damaged.basis", "checksum"])
+
+    def test_a_foreign_basis(self):
+        (WORK / "foreign.basis").write_bytes(b"\x89PNG\r\n\x1a\n" + bytes(4096))
+        self.inspect(copy("c"), "--basis", WORK / "foreign.basis", says=["foreign.basis", "magic"])
+
+    def test_a_truncated_merl_file(self):
+        (WORK / "short.binary").write_bytes(bytes(1000))
+        self.refused("compare", WORK / "short.binary", WORK / "short.binary", says=["short.binary"])
+
+    def test_a_truncated_png(self):
+        recording = copy("d")
+        cut(sorted(recording.glob("*.png"))[0], 0.5)
+        self.inspect(recording, says=[".png"])
+
+    def test_a_missing_exposure(self):
+        recording = copy("e")
+        sorted(recording.glob("*.png"))[1].unlink()
+        self.inspect(recording, says=[".png"])
+
+    def test_a_recording_without_ambient_frames(self):
+        recording = copy("f")
+        file = recording / "recording.yaml"
+        file.write_text(file.read_text().replace("light: none", "light: 1"))
+        self.inspect(recording, says=["ambient"])
+
+    def test_mixed_sizes(self):
+        recording = copy("g")
+        file = recording / "recording.yaml"
+        file.write_text(file.read_text().replace("width: 728", "width: 730"))
+        self.inspect(recording, says=["730"])
+
+    def test_a_recording_of_another_station(self):
+        recording = copy("h")
+        file = recording / "recording.yaml"
+        lines = [f"station: {'0' * 64}" if line.startswith("station:") else line for line in file.read_text().splitlines()]
+        file.write_text("\n".join(lines) + "\n")
+        self.inspect(recording, says=["station"])
+
+    def test_a_recording_under_another_calibration(self):
+        recording = copy("k")
+        file = recording / "recording.yaml"
+        lines = [f"calibration: {'1' * 64}" if line.startswith("calibration:") else line for line in file.read_text().splitlines()]
+        file.write_text("\n".join(lines) + "\n")
+        self.inspect(recording, says=["calibration", "1" * 16])
+
+    def test_a_recipe_of_another_calibration(self):
+        recipe = WORK / "foreign.recipe.yaml"
+        lines = [f"calibration_hash: \"{'2' * 64}\"" if line.startswith("calibration_hash:") else line
+                 for line in BENCH.recipe.read_text().splitlines()]
+        recipe.write_text("\n".join(lines) + "\n")
+        self.inspect(copy("l"), "--recipe", recipe, says=["calibration_hash", "2" * 16])
+
+    def test_a_truncated_calibration(self):
+        calibration = WORK / "short.exr"
+        shutil.copy(BENCH.calibration, calibration)
+        self.inspect(copy("i"), "--calibration", cut(calibration, 0.3), says=["short.exr"])
+
+    def test_a_picture_as_calibration(self):
+        png = sorted((BENCH.folder / "recordings/good/part_0001").glob("*.png"))[0]
+        self.inspect(copy("j"), "--calibration", png, says=[png.name])
+
+    def test_yaml_mistakes_are_named_by_place_and_path(self):
+        text = BENCH.station.read_text()
+        for name, old, new, says in (
+            ("key", "gain: 1\n", "gian: 1\n", ["gian"]),
+            ("type", "bits: 10", "bits: ten", ["camera.sensor.bits"]),
+            ("range", "port: 1502", "port: 99999", ["plc.tcp.port", "99999"]),
+            ("missing", "  eta:", "  # eta:", ["eta"]),
+            ("syntax", "bracket_ms: [", "bracket_ms: [[", []),
+        ):
+            with self.subTest(name):
+                self.assertIn(old, text)
+                file = BENCH.folder / f"mistake_{name}.yaml"
+                file.write_text(text.replace(old, new, 1))
+                self.refused("check", file, says=[f"{file.name}:", *says])
+
+    def test_a_folder_without_recordings(self):
+        (WORK / "empty").mkdir(exist_ok=True)
+        self.inspect(WORK / "empty", says=["empty"])
+
+    def test_a_command_line_that_is_wrong(self):
+        self.refused("inspect", "--no-such-option", says=["command line", "--from"])
+
+    def test_teaching_from_parts_of_two_kinds(self):
+        other = BENCH.scene("other", "target: part\nmaterials:\n  - {name: x, lambert: [0.6, 0.1, 0.1]}\n")
+        recording = BENCH.simulate(other, "other")
+        self.refused("teach", "--config", BENCH.station, "--from", BENCH.folder / "recordings/good/part_0001", recording,
+                     "--out", WORK / "two_kinds.yaml", says=["cannot teach", "wrong part"])
+
+    def test_teaching_from_an_absent_part(self):
+        recording = BENCH.simulate(BENCH.folder / "scenes/absent.yaml", "absent_teach")
+        self.refused("teach", "--config", BENCH.station, "--from", recording, "--out", WORK / "none.yaml", says=["teach"])
+
+    def test_a_port_in_use(self):
+        with socket.socket() as taken:
+            taken.bind(("127.0.0.1", 0))
+            taken.listen()
+            port = str(taken.getsockname()[1])
+            done = subprocess.run([str(BENCH.programs / "brdfgated"), "--config", str(BENCH.station), "--port", port,
+                                   "--state-dir", str(WORK / "state")], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                                  timeout=60, check=False)
+        self.assertEqual(done.returncode, 2)
+        self.assertIn(port, done.stderr)
+
+
+if __name__ == "__main__":
+    unittest.main(argv=sys.argv[:1], verbosity=2)

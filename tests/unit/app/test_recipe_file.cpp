@@ -1,0 +1,228 @@
+#include <fstream>
+#include <iterator>
+#include <limits>
+#include <string>
+
+#include "app/recipe_file.hpp"
+#include "catch.hpp"
+#include "support/gaussian_parts.hpp"
+#include "support/input_error.hpp"
+#include "support/temp_dir.hpp"
+
+using namespace brdfgate;
+using brdfgate::test::contains;
+using brdfgate::test::input_error;
+using brdfgate::test::TempDir;
+
+namespace {
+
+namespace fs = std::filesystem;
+
+Recipe taught_recipe(int clusters = 2, int channels = 3) {
+  Recipe recipe;
+  recipe.id = 7;
+  recipe.name = "lid: \"red\" #3";
+  recipe.created = "2024-05-06T07:08:09Z";
+  recipe.parts = 4;
+  recipe.calibration_hash = std::string(64, 'a');
+  recipe.basis_checksum = "0123456789";  // reads as a number unless quoted
+  recipe.channels = channels;
+  recipe.components = 4;
+  recipe.settings.monitored_weights = 2;
+  recipe.settings.max_ambient = 0.1234567890123;
+  recipe.settings.min_bins = 33;
+  recipe.warnings = {"taught from 4 part(s)", "no: colour"};
+  test::GaussianParts good(2);
+  good.components = 4;
+  good.channels = channels;
+  good.monitored = 2;
+  good.bins = 6;
+  for (int i = 0; i < clusters; ++i) {
+    TaughtCluster taught = teach_observed(good.parts(4), recipe.settings);
+    taught.name = i == 0 ? "body" : "region " + std::to_string(i);
+    taught.area_share = 1.0 / clusters;
+    taught.gloss_gu = {1.5, 20.25, 60};
+    taught.lab = {40, -3, 7.5};
+    recipe.clusters.push_back(std::move(taught));
+  }
+  return recipe;
+}
+
+std::string text_of(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+void check_near(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
+  REQUIRE(a.rows() == b.rows());
+  REQUIRE(a.cols() == b.cols());
+  CHECK((a - b).norm() <= 1e-8 * b.norm());
+}
+
+void check_same(const TaughtCluster& a, const TaughtCluster& b) {
+  CHECK(a.name == b.name);
+  CHECK(a.parts == b.parts);
+  check_near(a.mean, b.mean);
+  check_near(a.monitored_mean, b.monitored_mean);
+  check_near(a.monitored_covariance, b.monitored_covariance);
+  CHECK(a.t2_limit == Approx(b.t2_limit).epsilon(1e-8));
+  CHECK(a.bin_id == b.bin_id);
+  check_near(a.bin_residual, b.bin_residual);
+  check_near(a.bin_residual_sigma, b.bin_residual_sigma);
+  CHECK(a.spe_limit == Approx(b.spe_limit).epsilon(1e-8));
+  CHECK(a.area_share == Approx(b.area_share).epsilon(1e-8));
+  CHECK(a.gloss_gu == b.gloss_gu);
+  check_near(a.lab.matrix(), b.lab.matrix());
+}
+
+/// The file's text with the first `from` replaced.
+std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  const std::size_t at = text.find(from);
+  REQUIRE(at != std::string::npos);
+  return text.replace(at, from.size(), to);
+}
+
+}  // namespace
+
+TEST_CASE("A recipe comes back from its file with every field", "[recipe_file]") {
+  const TempDir dir;
+  for (const int channels : {1, 3}) {
+    const Recipe written = taught_recipe(2, channels);
+    write_recipe(dir / "a.yaml", written);
+    const Recipe r = read_recipe(dir / "a.yaml");
+    CHECK(r.id == 7);
+    CHECK(r.name == written.name);
+    CHECK(r.created == written.created);
+    CHECK(r.parts == 4);
+    CHECK(r.calibration_hash == written.calibration_hash);
+    CHECK(r.basis_checksum == written.basis_checksum);
+    CHECK(r.channels == channels);
+    CHECK(r.components == 4);
+    CHECK(r.warnings == written.warnings);
+    REQUIRE(r.clusters.size() == 2);
+    check_same(r.clusters[0], written.clusters[0]);
+    check_same(r.clusters[1], written.clusters[1]);
+    // Written again it is the same text.
+    write_recipe(dir / "b.yaml", r);
+    CHECK(text_of(dir / "a.yaml") == text_of(dir / "b.yaml"));
+  }
+}
+
+TEST_CASE("Every setting comes back exactly", "[recipe_file]") {
+  const TempDir dir;
+  Recipe recipe = taught_recipe(1);
+  JudgeSettings& s = recipe.settings;
+  s = {0.0123, 2, 0.034, 1.25, 7.5, 0.041, 0.0031, 0.51, 0.22, 1.75, 0.061, 0.011, 0.071, 21};
+  write_recipe(dir / "r.yaml", recipe);
+  const JudgeSettings r = read_recipe(dir / "r.yaml").settings;
+  CHECK(r.false_reject_rate == s.false_reject_rate);
+  CHECK(r.monitored_weights == s.monitored_weights);
+  CHECK(r.weight_floor_sigma == s.weight_floor_sigma);
+  CHECK(r.colour_limit_de00 == s.colour_limit_de00);
+  CHECK(r.gloss_limit_gu == s.gloss_limit_gu);
+  CHECK(r.area_share_limit == s.area_share_limit);
+  CHECK(r.unknown_share_limit == s.unknown_share_limit);
+  CHECK(r.assign_tolerance == s.assign_tolerance);
+  CHECK(r.defect_log_threshold == s.defect_log_threshold);
+  CHECK(r.defect_min_mm2 == s.defect_min_mm2);
+  CHECK(r.max_ambient == s.max_ambient);
+  CHECK(r.max_clipped == s.max_clipped);
+  CHECK(r.min_coverage == s.min_coverage);
+  CHECK(r.min_bins == s.min_bins);
+}
+
+TEST_CASE("Eight clusters are read, nine or none are refused", "[recipe_file]") {
+  const TempDir dir;
+  const fs::path file = dir / "r.yaml";
+  Recipe recipe = taught_recipe(1);
+  recipe.clusters.resize(8, recipe.clusters[0]);
+  write_recipe(file, recipe);
+  CHECK(read_recipe(file).clusters.size() == 8);
+  recipe.clusters.resize(9, recipe.clusters[0]);
+  write_recipe(file, recipe);
+  CHECK(contains(input_error([&] { return read_recipe(file); }), "9 clusters; expected 1 to 8"));
+  recipe.clusters.clear();
+  write_recipe(file, recipe);
+  CHECK(contains(input_error([&] { return read_recipe(file); }), "0 clusters"));
+}
+
+TEST_CASE("A malformed recipe is refused by field", "[recipe_file]") {
+  const TempDir dir;
+  write_recipe(dir / "good.yaml", taught_recipe());
+  const std::string good = text_of(dir / "good.yaml");
+  struct Row {
+    const char* from;
+    const char* to;
+    const char* complaint;
+  };
+  const Row rows[] = {
+      {"brdfgate.recipe/1", "brdfgate.recipe/2", "schema"},
+      {"id: 7", "id: 0", "id"},
+      {"id: 7", "id: 65536", "id"},
+      {"parts: 4", "parts: none", "parts"},
+      {"channels: 3", "channels: 2", "channels"},
+      {"channels: 3", "channels: 1", "clusters[0].mean"},
+      {"components: 4", "components: 5", "clusters[0].mean"},
+      {"components: 4", "components: 1000000", "components"},
+      {"monitored_weights: 2", "monitored_weights: 3", "clusters[0].monitored_mean"},
+      {"monitored_weights: 2", "monitored_weights: 9", "settings.monitored_weights"},
+      {"false_reject_rate: 0.001", "false_reject_rate: 0.5", "settings.false_reject_rate"},
+      {"min_bins: 33", "min_bins: 33\n  surplus: 1", "surplus"},
+      {"min_bins: 33", "max_bins: 33", "min_bins"},
+      {"bin_id: [10, 11", "bin_id: [11, 10", "clusters[0].bin_id"},
+      {"bin_id: [10, 11", "bin_id: [10", "clusters[0].bin_residual"},
+      {"bin_id: [10, 11", "bin_id: [-1, 11", "clusters[0].bin_id"},
+      {"bin_id: [10, 11", "bin_id: [10.5, 11", "clusters[0].bin_id"},
+      {"gloss_gu: [1.5, ", "gloss_gu: [", "clusters[0].gloss_gu"},
+      {"lab: [40", "lab: [.nan", "clusters[0].lab"},
+      {"area_share: 0.5", "area_share: 1.5", "clusters[0].area_share"},
+      {"bin_residual_sigma:\n      - [", "bin_residual_sigma:\n      - [-", "bin_residual_sigma"},
+      {"monitored_covariance:\n      - [", "monitored_covariance:\n      - [-",
+       "monitored_covariance"},
+      {"t2_limit: ", "t2_limit: -", "clusters[0].t2_limit"},
+      {"spe_limit: ", "spe_limit: -", "clusters[0].spe_limit"},
+      {"name: \"body\"", "name: \"body\"\n    name: \"body\"", "name"},
+      {"  - name: \"body\"", "  - nome: \"body\"", "clusters[0]"},
+      {"clusters:", "clusters: 3\nrest:", "clusters"},
+  };
+  for (const Row& row : rows) {
+    const fs::path file = dir.write("bad.yaml", replaced(good, row.from, row.to));
+    const std::string error = input_error([&] { return read_recipe(file); });
+    CAPTURE(row.from, row.to, error);
+    CHECK(contains(error, "bad.yaml:"));
+    CHECK(contains(error, row.complaint));
+  }
+}
+
+TEST_CASE("A recipe cut off anywhere is refused, never half read", "[recipe_file]") {
+  const TempDir dir;
+  write_recipe(dir / "good.yaml", taught_recipe(1));
+  const std::string good = text_of(dir / "good.yaml");
+  for (std::size_t length = 0; length + 2 < good.size(); length += 97) {
+    const fs::path file = dir.write("cut.yaml", good.substr(0, length));
+    CAPTURE(length);
+    CHECK(input_error([&] { return read_recipe(file); }) != "(no error)");
+  }
+}
+
+TEST_CASE("A recipe that cannot be written leaves the old one alone", "[recipe_file]") {
+  const TempDir dir;
+  const fs::path file = dir / "r.yaml";
+  Recipe recipe = taught_recipe(1);
+  write_recipe(file, recipe);
+  const std::string before = text_of(file);
+  recipe.clusters[0].mean(0, 0) = std::numeric_limits<double>::quiet_NaN();
+  CHECK(contains(input_error([&] {
+                   write_recipe(file, recipe);
+                   return 0;
+                 }),
+                 "not finite"));
+  CHECK(text_of(file) == before);
+  CHECK(std::distance(fs::directory_iterator(dir.path()), fs::directory_iterator()) == 1);
+  recipe = taught_recipe(1);
+  CHECK(contains(input_error([&] {
+                   write_recipe(dir / "no/such/folder/r.yaml", recipe);
+                   return 0;
+                 }),
+                 "cannot be written"));
+}

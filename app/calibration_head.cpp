@@ -2,6 +2,8 @@
 
 #include <yaml-cpp/yaml.h>
 
+#include <array>
+
 #include "config/sensor_yaml.hpp"
 #include "config/yaml_reader.hpp"
 
@@ -31,27 +33,54 @@ YAML::Node sensor_node(const SensorFormat& sensor) {
   return node;
 }
 
-YAML::Node camera_node(const PinholeCamera& camera) {
+const std::vector<std::string>& source_names() {
+  static const std::vector<std::string> names{"nominal", "fitted", "by_hand"};
+  return names;
+}
+
+/// Nothing is written for a nominal place: a file without a fitted geometry is as it always was.
+void add_quality(YAML::Node& node, const PlaceQuality& quality, const char* residual) {
+  if (quality.source == GeometrySource::nominal) return;
+  node["source"] = source_names().at(static_cast<std::size_t>(quality.source));
+  node["sigma_m"] = number_text(quality.sigma_m);
+  node[residual] = number_text(quality.residual);
+}
+
+PlaceQuality read_quality(const YamlNode& node, const char* residual) {
+  PlaceQuality quality;
+  if (!node.has("source")) return quality;
+  quality.source = static_cast<GeometrySource>(node.choice("source", source_names()));
+  quality.sigma_m = node.number("sigma_m", {.least = 0});
+  quality.residual = node.number(residual, {.least = 0});
+  return quality;
+}
+
+YAML::Node camera_node(const PinholeCamera& camera, const PlaceQuality& quality) {
   YAML::Node node;
   node["focal_px"] = number_text(camera.focal_px);
   node["centre_px"] = flow_list(camera.centre_px);
   const Eigen::Matrix<double, 3, 4, Eigen::RowMajor> pose = camera.X_WC.matrix().topRows<3>();
   node["pose_WC"] = flow_list(pose.reshaped<Eigen::RowMajor>());
+  const LensDistortion& d = camera.distortion;
+  if (!d.none()) node["distortion"] = flow_list(std::array{d.k1, d.k2, d.p1, d.p2, d.k3});
+  add_quality(node, quality, "rms_px");
   return node;
 }
 
-YAML::Node lights_node(const StationGeometry& geometry, const std::vector<double>& white_scale) {
+YAML::Node lights_node(const StationGeometry& geometry, const GeometryQuality& quality,
+                       const std::vector<double>& white_scale) {
   YAML::Node list(YAML::NodeType::Sequence);
   for (std::size_t l = 0; l < white_scale.size(); ++l) {
     YAML::Node light;
     light["position_m"] = flow_list(geometry.lights_W.at(l));
     light["white_scale_dn_s"] = number_text(white_scale[l]);
+    if (l < quality.lights.size()) add_quality(light, quality.lights[l], "rms");
     list.push_back(light);
   }
   return list;
 }
 
-PinholeCamera read_camera(const YamlNode& node) {
+PinholeCamera read_camera(const YamlNode& node, PlaceQuality& quality) {
   PinholeCamera camera;
   camera.focal_px = node.number("focal_px", {.least = 0, .open = true});
   camera.centre_px = Eigen::Vector2d(node.numbers("centre_px", 2).data());
@@ -63,6 +92,11 @@ PinholeCamera read_camera(const YamlNode& node) {
     node.fail_at("pose_WC", "its left 3 x 3 part is no rotation",
                  "a right-handed orthonormal frame, row by row");
   }
+  if (node.has("distortion")) {
+    const std::vector<double> d = node.numbers("distortion", 5);
+    camera.distortion = {d[0], d[1], d[2], d[3], d[4]};
+  }
+  quality = read_quality(node, "rms_px");
   node.finish();
   return camera;
 }
@@ -71,6 +105,7 @@ void read_lights(const YamlNode& list, CalibrationHead& head) {
   for (const YamlNode& light : list.items()) {
     head.calibration.geometry.lights_W.emplace_back(light.numbers("position_m", 3).data());
     head.white_scale.push_back(light.number("white_scale_dn_s", {.least = 0, .open = true}));
+    head.calibration.quality.lights.push_back(read_quality(light, "rms"));
     light.finish();
   }
   if (head.white_scale.empty() || head.white_scale.size() > kMostLights) {
@@ -85,6 +120,27 @@ SensorNoise read_noise(const YamlNode& node) {
   noise.read_noise_dn = node.number("read_noise_dn", {.least = 0});
   node.finish();
   return noise;
+}
+
+YAML::Node certificate_node(const WhiteCertificate& certificate) {
+  YAML::Node node;
+  node["number"] = certificate.number;
+  node["date"] = certificate.date;
+  node["due"] = certificate.due;
+  return node;
+}
+
+/// What newer calibrations may say besides.
+void read_optional(const YamlNode& root, Calibration& calibration) {
+  if (root.has("white_certificate")) {
+    const YamlNode node = root.at("white_certificate");
+    calibration.certificate = {node.text("number"), node.text("date"), node.text("due")};
+    node.finish();
+  }
+  if (root.has("stray_share")) {
+    calibration.stray_share =
+        root.numbers("stray_share", calibration.geometry.lights_W.size(), {.least = -1, .most = 1});
+  }
 }
 
 void check_schema(const YamlNode& root) {
@@ -109,10 +165,19 @@ std::string calibration_head_text(const Calibration& calibration,
       << calibration.station_hash;
   out << YAML::Key << "sensor" << YAML::Value << sensor_node(calibration.sensor);
   out << YAML::Key << "noise" << YAML::Value << noise;
-  out << YAML::Key << "camera" << YAML::Value << camera_node(calibration.geometry.camera);
-  out << YAML::Key << "lights" << YAML::Value << lights_node(calibration.geometry, white_scale);
+  out << YAML::Key << "camera" << YAML::Value
+      << camera_node(calibration.geometry.camera, calibration.quality.camera);
+  out << YAML::Key << "lights" << YAML::Value
+      << lights_node(calibration.geometry, calibration.quality, white_scale);
   out << YAML::Key << "white_reflectance" << YAML::Value
       << flow_list(calibration.white_reflectance);
+  if (!(calibration.certificate == WhiteCertificate{})) {
+    out << YAML::Key << "white_certificate" << YAML::Value
+        << certificate_node(calibration.certificate);
+  }
+  if (!calibration.stray_share.empty()) {
+    out << YAML::Key << "stray_share" << YAML::Value << flow_list(calibration.stray_share);
+  }
   out << YAML::EndMap;
   return out.c_str();
 }
@@ -136,11 +201,12 @@ CalibrationHead parse_calibration_head(const std::string& text, const std::strin
   calibration.sensor = read_sensor_format(sensor, "black_level_dn");
   sensor.finish();
   calibration.noise = read_noise(root.at("noise"));
-  calibration.geometry.camera = read_camera(root.at("camera"));
+  calibration.geometry.camera = read_camera(root.at("camera"), calibration.quality.camera);
   read_lights(root.at("lights"), head);
   const std::vector<double> white =
       root.numbers("white_reflectance", 3, {.least = 0, .most = 1.1, .open = true});
   std::copy(white.begin(), white.end(), calibration.white_reflectance.begin());
+  read_optional(root, calibration);
   head.checksum = root.text("checksum");
   root.finish();
   return head;

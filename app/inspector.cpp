@@ -55,6 +55,9 @@ double clipped_share(const std::vector<Reflectance>& r, const cv::Mat& part) {
   return double(cv::countNonZero(clipped & part)) / cells;
 }
 
+/// Fewer tiles of the body say nothing of its pose.
+constexpr int kPoseTiles = 40;
+
 /// As many cells of bare fixture tell the ambient light's level.
 constexpr int kFixtureCells = 500;
 /// A part is not taken for darker than this when ambient light is told from it.
@@ -102,6 +105,56 @@ void add_readings(ClusterResult& cluster, const std::shared_ptr<const Basis>& ba
   }
 }
 
+float irradiance(const CellGeometry& cells, const StationGeometry& geometry, std::size_t light,
+                 const cv::Point& at) {
+  const auto p = cells.position_m.at<cv::Vec2f>(at);
+  const float d2 =
+      static_cast<float>((geometry.lights_W[light] - Eigen::Vector3d(p[0], p[1], 0)).squaredNorm());
+  return cells.cos_i[light].at<float>(at) / d2;
+}
+
+/// The frame of some of the station's bins.
+BinFrame frame_of_bins(const std::vector<int>& ids, const BinMap& bins) {
+  BinFrame frame;
+  for (const int id : ids) {
+    const auto i = static_cast<std::size_t>(id);
+    if (id < 0 || id >= bins.bins()) {
+      throw InputError("recipe", "bin " + std::to_string(id) + " is none of the station's",
+                       "0 to " + std::to_string(bins.bins() - 1));
+    }
+    frame.id.push_back(id);
+    frame.light.push_back(bins.light[i]);
+    frame.directions.push_back(bins.mean_angles[i]);
+  }
+  return frame;
+}
+
+/// What each cell receives less than it would as taught: reflectance that was computed for the
+/// taught pose, turned into that of a part lying otherwise (App. H eq. 20).
+std::vector<Reflectance> in_pose(const std::vector<Reflectance>& taught, const StationMap& from,
+                                 const StationGeometry& taught_geometry, const CellGeometry& to,
+                                 const StationGeometry& geometry) {
+  std::vector<Reflectance> out = taught;
+  for (std::size_t light = 0; light < out.size(); ++light) {
+    out[light].value = taught[light].value.clone();
+    out[light].variance = taught[light].variance.clone();
+    for (int v = 0; v < out[light].value.rows; ++v) {
+      auto* f = out[light].value.ptr<float>(v);
+      auto* variance = out[light].variance.ptr<float>(v);
+      for (int u = 0; u < out[light].value.cols; ++u) {
+        if (from.cells.inside.at<unsigned char>(v, u) == 0) continue;
+        const float ratio = irradiance(from.cells, taught_geometry, light, {u, v}) /
+                            irradiance(to, geometry, light, {u, v});
+        for (int c = 0; c < out[light].value.channels(); ++c) {
+          f[u * out[light].value.channels() + c] *= ratio;
+          variance[u * out[light].value.channels() + c] *= ratio * ratio;
+        }
+      }
+    }
+  }
+  return out;
+}
+
 }  // namespace
 
 Inspector::Inspector(const StationConfig& config, std::shared_ptr<const Basis> basis,
@@ -119,6 +172,7 @@ Inspector::Inspector(const StationConfig& config, std::shared_ptr<const Basis> b
   const cv::Size2d region(settings_.region_mm[0] * 1e-3, settings_.region_mm[1] * 1e-3);
   map_.cells = cell_geometry(calibration_.geometry, calibration_.sensor, region);
   map_.bins = make_bin_map(map_.cells);
+  estimator_ = make_estimator({settings_.method, settings_.eta}, basis_);
 }
 
 RecipeInForce Inspector::bring_into_force(Recipe recipe) const {
@@ -134,7 +188,7 @@ RecipeInForce Inspector::bring_into_force(Recipe recipe) const {
         "calibration_hash " + recipe.calibration_hash.substr(0, 16) + " is another calibration",
         calibration_.hash.substr(0, 16) + " (teach again)");
   }
-  RecipeInForce force{std::move(recipe), {}};
+  RecipeInForce force{std::move(recipe), {}, {}};
   const double to_c = 1 / std::sqrt(double(basis_->info().observations));
   for (const TaughtCluster& cluster : force.recipe.clusters) {
     TaughtAppearance look{Eigen::ArrayXXd(map_.bins.bins(), cluster.mean.cols())};
@@ -146,6 +200,7 @@ RecipeInForce Inspector::bring_into_force(Recipe recipe) const {
       if (map_.bins.light[bin] != 2) look.log_f.row(bin) = std::numeric_limits<double>::quiet_NaN();
     }
     force.appearance.push_back(std::move(look));
+    force.frames.push_back(frame_of_bins(cluster.bin_id, map_.bins));
   }
   return force;
 }
@@ -159,9 +214,12 @@ ClusterResult Inspector::measure_cluster(const BinnedSamples& samples, int index
   cluster.bins = static_cast<int>(samples.bins.size());
   cluster.coverage = double(cluster.bins) / std::max(1, map_.bins.bins());
   cluster.present = true;
-  if (samples.bins.empty()) return cluster;
+  // Too few bins to judge are too few to train an estimator for.
+  if (cluster.bins < min_bins) return cluster;
   const int observations = basis_->info().observations;
-  cluster.raw = ridge(*basis_, samples, settings_.eta);
+  cluster.raw = estimator_->estimate(samples);
+  cluster.method = estimator_->name();
+  cluster.validity = validity(*basis_, cluster.raw);
   cluster.weights = cluster.raw.in_prior_sigmas(observations);
   cluster.weight_sigmas = cluster.raw.sigmas_in_prior_sigmas(observations);
   cluster.valid.weights = cluster.bins >= min_bins && cluster.weights.allFinite();
@@ -189,21 +247,63 @@ Regions Inspector::regions_of(const std::vector<Reflectance>& r,
                         recipe->recipe.settings.assign_tolerance);
 }
 
+PartPose Inspector::pose_of(Inspection& part) const {
+  PartResult& result = part.result;
+  result.tilt_sigma_deg.fill(settings_.fixture_tilt_sigma_deg);
+  result.height_sigma_mm = settings_.fixture_height_sigma_mm;
+  const cv::Mat body = result.regions.label == 0;
+  const PosePrior prior{settings_.fixture_tilt_sigma_deg * kDegree,
+                        settings_.fixture_height_sigma_mm * 1e-3};
+  if (prior.tilt_sigma == 0 || result.regions.clusters == 0) return {};
+  const PoseSamples samples =
+      pose_samples(part.reflectance, calibration_.geometry, map_.cells, body);
+  if (static_cast<int>(samples.lines.size()) < kPoseTiles) return {};
+  const PoseEstimate found = estimate_pose(*basis_, samples, prior);
+  result.tilt_deg = {found.pose.tilt_x / kDegree, found.pose.tilt_y / kDegree};
+  for (std::size_t i = 0; i < 2; ++i)
+    result.tilt_sigma_deg[i] =
+        std::sqrt(found.covariance(Eigen::Index(i), Eigen::Index(i))) / kDegree;
+  result.height_mm = found.pose.height_m * 1e3;
+  result.height_sigma_mm = std::sqrt(found.covariance(2, 2)) * 1e3;
+  return found.pose;
+}
+
 void Inspector::measure_clusters(Inspection& part, const RecipeInForce* recipe) const {
   const Regions& regions = part.result.regions;
   const int part_cells = std::max(1, cv::countNonZero(regions.label != kNotPart));
   const JudgeSettings& settings = settings_for(recipe);
-  part.samples = bin_all(part.reflectance, map_, regions);
+  const PartPose pose = pose_of(part);
+  if (pose.none()) {
+    part.samples = bin_all(part.reflectance, map_, regions);
+  } else {
+    const StationGeometry geometry = in_part_frame(calibration_.geometry, pose);
+    StationMap map;
+    map.cells = cell_geometry(geometry, calibration_.sensor, {1, 1});
+    map.cells.inside = map_.cells.inside & map.cells.inside;
+    map.bins = reassigned(map_.bins, map.cells);
+    part.samples = bin_all(
+        in_pose(part.reflectance, map_, calibration_.geometry, map.cells, geometry), map, regions);
+  }
   for (int i = 0; i < regions.clusters; ++i) {
-    const BinnedSamples& samples = part.samples[static_cast<std::size_t>(i)];
-    ClusterResult cluster = measure_cluster(samples, i, settings.min_bins);
+    const auto index = static_cast<std::size_t>(i);
+    const BinnedSamples& samples = part.samples[index];
+    part.linear.emplace_back();
+    if (!samples.bins.empty()) part.linear.back() = ridge(*basis_, samples, settings_.eta);
+    const bool framed = recipe != nullptr && !recipe->frames[index].id.empty() &&
+                        static_cast<int>(samples.bins.size()) >= settings.min_bins;
+    ClusterResult cluster = measure_cluster(
+        framed ? onto_frame(*basis_, samples, part.linear.back(), recipe->frames[index]) : samples,
+        i, settings.min_bins);
+    cluster.bins = static_cast<int>(samples.bins.size());
+    cluster.coverage = double(cluster.bins) / std::max(1, map_.bins.bins());
+    cluster.valid.weights = cluster.valid.weights && cluster.bins >= settings.min_bins;
     cluster.pixels = cv::countNonZero(regions.label == i);
     cluster.present = cluster.pixels > 0;
     cluster.area_share = double(cluster.pixels) / part_cells;
     part.observed.emplace_back();
     if (cluster.valid.weights) {
       part.observed.back() =
-          observe(*basis_, samples, cluster.raw, settings.monitored_weights, settings_.eta);
+          observe(*basis_, samples, part.linear.back(), settings.monitored_weights, settings_.eta);
     }
     part.result.clusters.push_back(std::move(cluster));
   }
@@ -229,7 +329,6 @@ Inspection Inspector::measure(const Capture& capture, const RecipeInForce* recip
                   static_cast<int>(calibration_.geometry.lights_W.size()));
   Inspection part;
   part.reflectance = to_reflectance(radiance, calibration_);
-  part.result.tilt_sigma_deg.fill(settings_.fixture_tilt_sigma_deg);
   part.result.regions = regions_of(part.reflectance, recipe);
   const Regions& regions = part.result.regions;
   const cv::Mat on_part = regions.label != kNotPart;

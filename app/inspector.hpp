@@ -9,7 +9,10 @@
 #include "config/station_config.hpp"
 #include "model/basis.hpp"
 #include "model/calibration.hpp"
+#include "model/canonical.hpp"
+#include "model/estimators.hpp"
 #include "model/judge.hpp"
+#include "model/pose_estimate.hpp"
 #include "model/recipe.hpp"
 #include "model/verdict.hpp"
 
@@ -18,8 +21,9 @@ namespace brdfgate {
 /// Everything that is known of one inspected part: what the tool exports and draws.
 struct Inspection {
   PartResult result;
-  std::vector<Reflectance> reflectance;                     ///< [0] light 1
-  std::vector<BinnedSamples> samples;                       ///< per cluster
+  std::vector<Reflectance> reflectance;  ///< [0] light 1
+  std::vector<BinnedSamples> samples;    ///< per cluster
+  std::vector<Weights> linear;           ///< per cluster: ridge, what deviations are told from
   std::vector<std::optional<ClusterObservation>> observed;  ///< per cluster with valid weights
   PartFacts facts;  ///< what is known of the part as a whole
 };
@@ -28,6 +32,7 @@ struct Inspection {
 struct RecipeInForce {
   Recipe recipe;
   std::vector<TaughtAppearance> appearance;  ///< per cluster
+  std::vector<BinFrame> frames;              ///< per cluster; empty: a part's own bins
 };
 
 /// Holds what is fixed while calibration and basis are: directions, bins, expected appearances.
@@ -60,6 +65,7 @@ class Inspector {
   /// In force without a recipe; a recipe brings its own.
   const JudgeSettings& judge_settings() const { return judge_; }
   double eta() const { return settings_.eta; }
+  const Estimator& estimator() const { return *estimator_; }
 
  private:
   Regions regions_of(const std::vector<Reflectance>& r, const RecipeInForce* recipe) const;
@@ -67,6 +73,8 @@ class Inspector {
                        const cv::Mat& on_part) const;
   const JudgeSettings& settings_for(const RecipeInForce* recipe) const;
   ClusterResult measure_cluster(const BinnedSamples& samples, int index, int min_bins) const;
+  /// Fills the part's pose and returns it; light-1 cells of the largest cluster tell it.
+  PartPose pose_of(Inspection& part) const;
   void measure_clusters(Inspection& part, const RecipeInForce* recipe) const;
 
   InspectionConfig settings_;
@@ -74,6 +82,7 @@ class Inspector {
   std::shared_ptr<const Basis> basis_;
   Calibration calibration_;
   StationMap map_;
+  std::shared_ptr<const Estimator> estimator_;
 };
 
 }  // namespace brdfgate

@@ -27,6 +27,13 @@ json by_channel(const Eigen::MatrixXd& m) {
   return channels;
 }
 
+json as_list(const Eigen::VectorXd& values) {
+  json list = json::array();
+  for (const double v : values)
+    list.push_back(finite(v));
+  return list;
+}
+
 json cluster_to_json(const ClusterResult& c, const std::string& brdf_file) {
   json out = {
       {"index", c.index},
@@ -40,11 +47,15 @@ json cluster_to_json(const ClusterResult& c, const std::string& brdf_file) {
         {"highlight", c.valid.highlight},
         {"gloss", c.valid.gloss},
         {"colour", c.valid.colour},
-        {"measured", c.valid.measured}}},
+        {"measured", c.valid.measured},
+        {"within_basis", !c.validity.outside_basis()}}},
       {"method", c.method},
       {"components", c.weights.rows()},
       {"weights", by_channel(c.weights)},
       {"weight_sigmas", by_channel(c.weight_sigmas)},
+      {"weights_seen", by_channel(c.validity.seen)},
+      {"mahalanobis_ratio", as_list(c.validity.mahalanobis_ratio)},
+      {"misfit_ratio", as_list(c.validity.misfit_ratio)},
       {"t2", finite(c.deviation.t2)},
       {"t2_limit", finite(c.deviation.t2_limit)},
       {"spe", finite(c.deviation.spe)},
@@ -106,6 +117,8 @@ json part_to_json(const std::string& recording, const PartResult& r, const Cycle
           {"spe_ratio", finite(r.spe_ratio)},
           {"tilt_deg", {finite(r.tilt_deg[0]), finite(r.tilt_deg[1])}},
           {"tilt_sigma_deg", {finite(r.tilt_sigma_deg[0]), finite(r.tilt_sigma_deg[1])}},
+          {"height_mm", finite(r.height_mm)},
+          {"height_sigma_mm", finite(r.height_sigma_mm)},
           {"ambient", finite(r.ambient)},
           {"acquisition_ms", finite(times.acquisition_ms)},
           {"processing_ms", finite(times.processing_ms)},

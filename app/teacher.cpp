@@ -79,6 +79,11 @@ void Teacher::begin(const std::string& name, const Inspection& first) {
   if (recipe.clusters.empty()) throw InputError(name, "no material was found on it");
   draft_ = inspector_.bring_into_force(std::move(recipe));
   samples_.resize(draft_->recipe.clusters.size());
+  for (std::size_t i = 0; i < samples_.size(); ++i) {
+    draft_->frames[i] = frame_of(first.samples[i]);
+    weight_sums_.push_back(Eigen::MatrixXd::Zero(draft_->recipe.clusters[i].mean.rows(),
+                                                 draft_->recipe.clusters[i].mean.cols()));
+  }
 }
 
 void Teacher::keep(const std::string& name, const Inspection& part) {
@@ -97,7 +102,8 @@ void Teacher::keep(const std::string& name, const Inspection& part) {
                            draft_->recipe.clusters[i].name + " is missing",
                        "good parts of one kind");
     }
-    samples_[i].push_back({part.samples[i], cluster.raw, cluster.area_share});
+    samples_[i].push_back({part.samples[i], part.linear[i], cluster.area_share});
+    weight_sums_[i] += cluster.weights;
   }
 }
 
@@ -114,6 +120,7 @@ Recipe Teacher::recipe(const std::string& name, int id) const {
     TaughtCluster taught =
         teach_cluster(inspector_.basis(), samples_[i], recipe.settings, inspector_.eta());
     taught.name = cluster_name;
+    taught.mean = weight_sums_[i] / double(parts_);
     Weights mean;
     mean.c = taught.mean / std::sqrt(double(inspector_.basis().info().observations));
     const BrdfPtr brdf = make_brdf(inspector_.shared_basis(), mean);

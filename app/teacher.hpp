@@ -33,6 +33,7 @@ class Teacher {
   int parts_ = 0;
   std::optional<RecipeInForce> draft_;             ///< clusters of the first part, without limits
   std::vector<std::vector<TeachSample>> samples_;  ///< per cluster, per part
+  std::vector<Eigen::MatrixXd> weight_sums_;       ///< per cluster: published weights, summed
 };
 
 }  // namespace brdfgate

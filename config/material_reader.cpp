@@ -1,8 +1,11 @@
 #include "config/material_reader.hpp"
 
 #include <algorithm>
+#include <functional>
 #include <mutex>
 
+#include "model/analytic.hpp"
+#include "model/lobes.hpp"
 #include "model/merl.hpp"
 
 namespace brdfgate {
@@ -63,20 +66,33 @@ constexpr YamlRange kAlbedo{0, 1};
 constexpr YamlRange kNotNegative{0, 1e40};
 constexpr YamlRange kIor{1, 1000};
 
-BrdfPtr read_lambert(const YamlNode& material) {
-  return make_brdf(LambertParameters{read_rgb(material, "lambert", kAlbedo)});
+YamlRange range_of(const LobeParameter& p) {
+  return {p.least, p.most};
 }
 
-BrdfPtr read_ggx(const YamlNode& node) {
-  GgxParameters p;
-  p.diffuse = read_rgb(node, "diffuse", kAlbedo);
-  p.f0 = read_rgb(node, "f0", kAlbedo);
-  p.alpha = node.number("alpha");
-  if (p.alpha <= 0 || p.alpha > 1) {
-    node.fail_at("alpha", number_text(p.alpha) + " is out of range", "above 0 and at most 1");
+double read_shape(const YamlNode& node, const LobeParameter& p) {
+  if (!p.above_least) return node.number(p.name, range_of(p));
+  const double value = node.number(p.name);
+  if (value > p.least && value <= p.most) return value;
+  node.fail_at(p.name, number_text(value) + " is out of range",
+               "above " + number_text(p.least) + " and at most " + number_text(p.most));
+}
+
+/// lambert, ggx and the rest of model/lobes.hpp, by their descriptions.
+BrdfPtr read_lobe(const YamlNode& material, const LobeDescription& description) {
+  Lobe lobe;
+  lobe.model = description.model;
+  if (description.model == LobeModel::lambert) {
+    lobe.diffuse = read_rgb(material, description.name, kAlbedo);
+    return make_brdf(lobe);
   }
+  const YamlNode node = material.at(description.name);
+  lobe.diffuse = read_rgb(node, diffuse_parameter().name, range_of(diffuse_parameter()));
+  lobe.specular = read_rgb(node, description.specular.name, range_of(description.specular));
+  for (const LobeParameter& p : description.shape)
+    lobe.shape.push_back(read_shape(node, p));
   node.finish();
-  return make_brdf(p);
+  return make_brdf(lobe);
 }
 
 BrdfPtr read_abc(const YamlNode& node) {
@@ -109,24 +125,35 @@ BrdfPtr read_sgd(const YamlNode& node) {
   return make_brdf(p);
 }
 
+using ModelReader = std::function<BrdfPtr(const YamlNode& material)>;
+
+/// Every model a material may have, by its key.
+std::vector<std::pair<std::string, ModelReader>> model_readers(const fs::path& folder) {
+  std::vector<std::pair<std::string, ModelReader>> readers{
+      {"brdf", [&folder](const YamlNode& m) { return read_merl(m.at("brdf"), folder); }},
+      {"abc", [](const YamlNode& m) { return read_abc(m.at("abc")); }},
+      {"sgd", [](const YamlNode& m) { return read_sgd(m.at("sgd")); }}};
+  for (const LobeModel model : lobe_models()) {
+    const LobeDescription& description = describe(model);
+    readers.emplace_back(std::string(description.name),
+                         [&description](const YamlNode& m) { return read_lobe(m, description); });
+  }
+  return readers;
+}
+
 BrdfPtr read_brdf(const YamlNode& material, const fs::path& folder) {
-  std::vector<std::string> models;
-  for (const char* model : {"brdf", "lambert", "ggx", "abc", "sgd"}) {
-    if (material.has(model)) models.emplace_back(model);
+  const auto readers = model_readers(folder);
+  std::vector<const std::pair<std::string, ModelReader>*> present;
+  std::string known;
+  for (const auto& reader : readers) {
+    known += (known.empty() ? "" : ", ") + reader.first;
+    if (material.has(reader.first)) present.push_back(&reader);
   }
-  if (models.size() != 1) {
-    std::string seen = "no model";
-    if (models.size() > 1) seen = "both " + models[0] + " and " + models[1];
-    material.finish();  // a misspelt model is the likelier mistake
-    material.fail(seen, "exactly one of brdf, lambert, ggx, abc, sgd");
-  }
-  const std::string& model = models.front();
-  if (model == "lambert") return read_lambert(material);
-  const YamlNode node = material.at(model);
-  if (model == "ggx") return read_ggx(node);
-  if (model == "abc") return read_abc(node);
-  if (model == "sgd") return read_sgd(node);
-  return read_merl(node, folder);
+  if (present.size() == 1) return present.front()->second(material);
+  std::string seen = "no model";
+  if (present.size() > 1) seen = "both " + present[0]->first + " and " + present[1]->first;
+  material.finish();  // a misspelt model is the likelier mistake
+  material.fail(seen, "exactly one of " + known);
 }
 
 }  // namespace

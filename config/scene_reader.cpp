@@ -178,6 +178,9 @@ Scene read_scene(const fs::path& file) {
     const std::vector<std::string> targets{"part", "white", "board", "mirror", "black"};
     scene.target = static_cast<SceneTarget>(root.choice("target", targets));
   }
+  if (root.has("board")) {
+    scene.board = static_cast<BoardKind>(root.choice("board", {"checker", "charuco"}));
+  }
   scene.lights_on = root.boolean_or("lights_on", scene.lights_on);
   if (root.has("part")) read_part(root.at("part"), scene);
   if (root.has("pose")) scene.pose = read_pose(root.at("pose"));

@@ -9,6 +9,7 @@
 #include "config/sensor_yaml.hpp"
 #include "config/station_checks.hpp"
 #include "config/yaml_reader.hpp"
+#include "model/estimators.hpp"
 #include "model/hash.hpp"
 
 namespace brdfgate {
@@ -124,6 +125,44 @@ NominalRig read_rig(const YamlNode& node) {
   return rig;
 }
 
+Eigen::Vector3d point_mm(const YamlNode& node) {
+  std::vector<double> mm;
+  for (const YamlNode& value : node.items())
+    mm.push_back(value.as_number(between(-1000, 1000)));
+  if (mm.size() != 3) node.fail(std::to_string(mm.size()) + " numbers", "x, y and z in mm");
+  return Eigen::Vector3d(mm.data()) / 1000;
+}
+
+std::vector<Eigen::Vector3d> points_mm(const YamlNode& node, std::string_view key) {
+  std::vector<Eigen::Vector3d> out;
+  if (!node.has(key)) return out;
+  const YamlNode list = node.at(key);
+  for (const YamlNode& point : list.items())
+    out.push_back(point_mm(point));
+  if (out.size() != 2) list.fail(std::to_string(out.size()) + " lights", "2");
+  return out;
+}
+
+SimDeviation read_deviation(const YamlNode& node) {
+  SimDeviation d;
+  if (node.has("camera_mm")) d.camera_m = point_mm(node.at("camera_mm"));
+  if (node.has("camera_deg")) {
+    d.camera_deg = Eigen::Vector3d(node.numbers("camera_deg", 3, between(-10, 10)).data());
+  }
+  d.focal = node.number_or("focal", 0, between(-0.2, 0.2));
+  if (node.has("centre_px")) {
+    d.centre_px = Eigen::Vector2d(node.numbers("centre_px", 2, between(-1000, 1000)).data());
+  }
+  if (node.has("distortion")) {
+    const auto k = node.numbers("distortion", 5, between(-1, 1));
+    d.distortion = {k[0], k[1], k[2], k[3], k[4]};
+  }
+  d.lights_m = points_mm(node, "lights_mm");
+  d.aim_m = points_mm(node, "aim_mm");
+  node.finish();
+  return d;
+}
+
 SimBenchSettings read_simulator(const YamlNode& node) {
   SimBenchSettings sim;
   sim.full_well_e = node.number("full_well_e", strictly_between(0, 1e7));
@@ -132,6 +171,7 @@ SimBenchSettings read_simulator(const YamlNode& node) {
   sim.vignetting = node.number("vignetting", between(0, 0.9));
   sim.led_radius_m = node.number("led_radius_mm", between(0, 100)) / 1000;
   sim.white_exposure_s = node.number("white_exposure_ms", strictly_between(0, 60000)) / 1000;
+  if (node.has("deviation")) sim.deviation = read_deviation(node.at("deviation"));
   node.finish();
   return sim;
 }
@@ -146,11 +186,12 @@ InspectionConfig read_inspection(const YamlNode& node, const SensorFormat& senso
   inspection.fixture.tolerance = fixture.number("tolerance", strictly_between(0, 1));
   fixture.finish();
   inspection.max_clusters = node.integer("max_clusters", 1, 8);
-  const std::vector<std::string> methods{"ridge"};
+  const std::vector<std::string> methods = estimator_names();
   inspection.method = methods[node.choice("method", methods)];
   inspection.eta = node.number("eta", strictly_between(0, 1e6));
-  inspection.fixture_tilt_sigma_deg =
-      node.number("fixture_tilt_sigma_deg", strictly_between(0, 10));
+  inspection.fixture_tilt_sigma_deg = node.number("fixture_tilt_sigma_deg", YamlRange{0, 10});
+  inspection.fixture_height_sigma_mm =
+      node.number_or("fixture_height_sigma_mm", 0, YamlRange{0, 10});
   inspection.colour_calibrated = node.choice("colour", {"none", "linear_srgb_d65"}) == 1;
   if (inspection.colour_calibrated && sensor.mosaic == Mosaic::mono) {
     node.fail_at("colour", "a mono sensor measures no colour", "none");
@@ -215,7 +256,9 @@ StationConfig::Files read_files(const YamlNode& node, const fs::path& folder) {
 void complete_simulator(StationConfig& config) {
   config.simulator.sensor = config.camera.sensor;
   config.simulator.noise = config.camera.noise;
-  config.simulator.geometry = make_geometry(config.rig, config.camera.sensor);
+  config.simulator.geometry =
+      deviated(make_geometry(config.rig, config.camera.sensor), config.simulator.deviation);
+  config.simulator.aim_W = config.simulator.deviation.aim_m;
   config.simulator.fixture_albedo = config.inspection.fixture.reflectance;
 }
 

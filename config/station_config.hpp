@@ -37,11 +37,14 @@ struct InspectionConfig {
   /// Inspected rectangle on the plane, centred on the origin, x and y: (0, 10000) mm; the middle of
   /// each edge lies in the image.
   std::array<double, 2> region_mm{};
-  FixtureAppearance fixture;            ///< albedo 0..1 per channel, tolerance (0, 1)
-  int max_clusters = 8;                 ///< 1..8
-  std::string method = "ridge";         ///< the only one yet
-  double eta = 40;                      ///< ridge penalty for 298 samples, (0, 1e6)
-  double fixture_tilt_sigma_deg = 0.3;  ///< how well the fixture seats parts, (0, 10) degrees
+  FixtureAppearance fixture;  ///< albedo 0..1 per channel, tolerance (0, 1)
+  int max_clusters = 8;       ///< 1..8
+  std::string method = "gp";  ///< of estimator_names(); empty: the basis' first
+  double eta = 40;            ///< ridge penalty for 298 samples, (0, 1e6)
+  /// How well the fixture seats parts, standard deviations: [0, 10) degrees about each axis, [0,
+  /// 10) mm; 0: taken as perfect, not estimated.
+  double fixture_tilt_sigma_deg = 0.3;
+  double fixture_height_sigma_mm = 0;
   /// Camera RGB is linear sRGB, D65, 2 degrees; never with a mono sensor.
   bool colour_calibrated = false;
 };

@@ -94,6 +94,35 @@ void put_rig(Emitter& out, const NominalRig& rig) {
   out << YAML::EndSeq;
 }
 
+template <typename Vector>
+void put_vector(Emitter& out, const char* key, const Vector& values, double scale = 1) {
+  put_list(out, key, values, [&](double value) { return converted(value * scale); });
+}
+
+void put_points_mm(Emitter& out, const char* key, const std::vector<Eigen::Vector3d>& points_m) {
+  if (points_m.empty()) return;
+  out << YAML::Key << key << YAML::Value << YAML::BeginSeq;
+  for (const Eigen::Vector3d& p : points_m) {
+    out << YAML::Flow << YAML::BeginSeq;
+    for (const double metres : p)
+      out << converted(metres * 1000);
+    out << YAML::EndSeq;
+  }
+  out << YAML::EndSeq;
+}
+
+void put_deviation(Emitter& out, const SimDeviation& d) {
+  put_vector(out, "camera_mm", d.camera_m, 1000);
+  put_vector(out, "camera_deg", d.camera_deg);
+  put(out, "focal", d.focal);
+  put_vector(out, "centre_px", d.centre_px);
+  put_vector(out, "distortion",
+             std::array{d.distortion.k1, d.distortion.k2, d.distortion.p1, d.distortion.p2,
+                        d.distortion.k3});
+  put_points_mm(out, "lights_mm", d.lights_m);
+  put_points_mm(out, "aim_mm", d.aim_m);
+}
+
 void put_simulator(Emitter& out, const SimBenchSettings& sim) {
   put(out, "full_well_e", sim.full_well_e);
   put(out, "dark_current_e_s", sim.dark_current_e_s);
@@ -101,6 +130,9 @@ void put_simulator(Emitter& out, const SimBenchSettings& sim) {
   put(out, "vignetting", sim.vignetting);
   put(out, "led_radius_mm", converted(sim.led_radius_m * 1000));
   put(out, "white_exposure_ms", converted(sim.white_exposure_s * 1000));
+  if (!(sim.deviation == SimDeviation{})) {
+    put_map(out, "deviation", [&] { put_deviation(out, sim.deviation); });
+  }
 }
 
 void put_inspection(Emitter& out, const InspectionConfig& inspection) {
@@ -114,6 +146,7 @@ void put_inspection(Emitter& out, const InspectionConfig& inspection) {
   put(out, "method", inspection.method);
   put(out, "eta", inspection.eta);
   put(out, "fixture_tilt_sigma_deg", inspection.fixture_tilt_sigma_deg);
+  put(out, "fixture_height_sigma_mm", inspection.fixture_height_sigma_mm);
   put(out, "colour", std::string(inspection.colour_calibrated ? "linear_srgb_d65" : "none"));
 }
 

@@ -10,6 +10,7 @@
 
 #include "model/colour.hpp"
 #include "model/error.hpp"
+#include "model/lobe_formulas.hpp"
 
 namespace brdfgate {
 namespace {
@@ -57,37 +58,6 @@ class OverLambert : public Brdf {
   Rgb diffuse_;
 };
 
-class Lambert final : public OverLambert {
- public:
-  explicit Lambert(const LambertParameters& p) : OverLambert(p.albedo) {}
-  Rgb specular(const HalfDiff& /*angles*/) const override { return Rgb::Zero(); }
-};
-
-class Ggx final : public OverLambert {
- public:
-  explicit Ggx(const GgxParameters& p)
-      : OverLambert(p.diffuse), f0_(p.f0), alpha2_(p.alpha * p.alpha) {}
-
-  Rgb specular(const HalfDiff& angles) const override {
-    const Cosines c = cosines(angles);
-    if (!c.above_horizon()) return Rgb::Zero();
-    const double ch2 = std::pow(std::cos(angles.theta_h), 2);
-    const double sh2 = std::pow(std::sin(angles.theta_h), 2);
-    // Walter et al. 2007 eq. 33, written so that small alpha keeps its digits at the peak.
-    const double base = sh2 + alpha2_ * ch2;
-    const double distribution = alpha2_ / (kPi * base * base);
-    // Heitz 2014 eq. 99 with the microfacet denominator 4 cos_i cos_o already divided out.
-    const double visibility = 0.5 / (c.i * std::sqrt(alpha2_ + (1 - alpha2_) * c.o * c.o) +
-                                     c.o * std::sqrt(alpha2_ + (1 - alpha2_) * c.i * c.i));
-    const double grazing = std::pow(1 - std::cos(angles.theta_d), 5);  // Schlick 1994 eq. 15
-    return (f0_ + (1 - f0_) * grazing) * (distribution * visibility);
-  }
-
- private:
-  Rgb f0_;
-  double alpha2_;
-};
-
 class Abc final : public OverLambert {
  public:
   explicit Abc(const AbcParameters& p) : OverLambert(p.kd), p_(p) {}
@@ -101,18 +71,11 @@ class Abc final : public OverLambert {
     const double masking = std::min({1.0, 2 * ch * c.i / cd, 2 * ch * c.o / cd});
     // 1 - cos without cancellation: lobes are narrower than sqrt(epsilon) would resolve.
     const double one_less_cos = 2 * std::pow(std::sin(angles.theta_h / 2), 2);
-    const double lobe = std::pow(1 + p_.b * one_less_cos, -p_.c);
-    return p_.a * (fresnel(cd) * masking * lobe / (kPi * c.i * c.o));
+    const double facets = std::pow(1 + p_.b * one_less_cos, -p_.c);
+    return p_.a * (lobe::fresnel(p_.ior, cd) * masking * facets / (kPi * c.i * c.o));
   }
 
  private:
-  double fresnel(double c) const {
-    const double g = std::sqrt(std::max(p_.ior * p_.ior + c * c - 1, 0.0));
-    const double s = (g - c) / (g + c);
-    const double t = (c * (g + c) - 1) / (c * (g - c) + 1);
-    return 0.5 * s * s * (1 + t * t);
-  }
-
   AbcParameters p_;
 };
 
@@ -199,15 +162,11 @@ class Changed final : public Brdf {
 }  // namespace
 
 BrdfPtr make_brdf(const LambertParameters& p) {
-  check_albedo(p.albedo, "lambert");
-  return std::make_shared<Lambert>(p);
+  return make_brdf(Lobe{LobeModel::lambert, p.albedo, Rgb::Zero(), {}});
 }
 
 BrdfPtr make_brdf(const GgxParameters& p) {
-  check_albedo(p.diffuse, "ggx.diffuse");
-  check_albedo(p.f0, "ggx.f0");
-  check(p.alpha > 0 && p.alpha <= 1, "ggx.alpha", p.alpha, "over 0, at most 1");
-  return std::make_shared<Ggx>(p);
+  return make_brdf(Lobe{LobeModel::ggx, p.diffuse, p.f0, {p.alpha}});
 }
 
 BrdfPtr make_brdf(const AbcParameters& p) {

@@ -1,4 +1,5 @@
-// Analytic BRDFs of scene files: Lambert, Cook-Torrance with GGX, ABC, shifted gamma distribution.
+// Analytic BRDFs of scene files: Lambert, Cook-Torrance with GGX (model/lobes.hpp has the rest of
+// the family that can be fitted), ABC, shifted gamma distribution.
 #pragma once
 
 #include "model/brdf.hpp"

@@ -57,12 +57,17 @@ struct Basis::Mapping {
   std::vector<float> log_median;
   Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> pole_components;
   std::vector<std::uint32_t> row_of_node;
+  Eigen::MatrixXd training_weights;
+  std::vector<Exemplar> exemplars;
+  Eigen::MatrixXd exemplar_weights;
 
  private:
   std::span<const std::byte> read_header();
   void read_singular_values(std::span<const double> values);
   void read_validity(std::span<const std::uint8_t> validity);
   void read_values(std::span<const float> means, std::span<const float> medians);
+  void read_weights(Eigen::MatrixXd& weights, std::span<const float> values, const char* field);
+  void read_exemplars(std::span<const ExemplarRecord> records);
   void make_poles();
 };
 
@@ -129,6 +134,27 @@ void Basis::Mapping::read_values(std::span<const float> means, std::span<const f
                  [](float v) { return std::log(std::max(v, kLeastMedian)); });
 }
 
+void Basis::Mapping::read_weights(Eigen::MatrixXd& weights, std::span<const float> values,
+                                  const char* field) {
+  using Rows = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  weights = Eigen::Map<const Rows>(values.data(),
+                                   static_cast<Eigen::Index>(values.size()) / info.components,
+                                   info.components)
+                .cast<double>();
+  if (!weights.allFinite()) refuse_basis_field(name, field, "has non-finite values");
+}
+
+void Basis::Mapping::read_exemplars(std::span<const ExemplarRecord> records) {
+  for (const ExemplarRecord& record : records) {
+    const auto whole = [](float v) { return std::isfinite(v) && std::abs(v) < 1e9F; };
+    if (!whole(record[0]) || !is_valid(from_record(record), info.observations)) {
+      refuse_basis_field(name, "exemplars",
+                         "number " + std::to_string(exemplars.size()) + " is out of range");
+    }
+    exemplars.push_back(from_record(record));
+  }
+}
+
 void Basis::Mapping::make_poles() {
   const int k = info.components;
   const std::size_t poles = grid.nodes() - grid.cells();
@@ -162,6 +188,13 @@ Basis::Mapping::Mapping(const std::filesystem::path& path) : name(path), file(pa
   read_validity(array_at<std::uint8_t>(payload, at.validity, info.grid.cells()));
   read_values(array_at<float>(payload, at.mean, info.valid_cells),
               array_at<float>(payload, at.median, info.valid_cells));
+  const auto m = static_cast<std::size_t>(info.observations);
+  const auto derived = static_cast<std::size_t>(info.exemplars);
+  read_weights(training_weights, array_at<float>(payload, at.training_weights, m * k),
+               "training weights");
+  read_exemplars(array_at<ExemplarRecord>(payload, at.exemplars, derived));
+  read_weights(exemplar_weights, array_at<float>(payload, at.exemplar_weights, derived * k),
+               "exemplar weights");
   make_poles();
 }
 
@@ -203,6 +236,18 @@ const BasisInfo& Basis::info() const {
 
 const Eigen::VectorXd& Basis::singular_values() const {
   return mapping_->singular;
+}
+
+const Eigen::MatrixXd& Basis::training_weights() const {
+  return mapping_->training_weights;
+}
+
+const std::vector<Exemplar>& Basis::exemplars() const {
+  return mapping_->exemplars;
+}
+
+const Eigen::MatrixXd& Basis::exemplar_weights() const {
+  return mapping_->exemplar_weights;
 }
 
 Basis::Location Basis::locate(const HalfDiff& direction) const {

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "model/brdf.hpp"
+#include "model/exemplars.hpp"
 
 namespace brdfgate {
 
@@ -30,7 +31,8 @@ struct BasisInfo {
   BasisGrid grid;
   std::size_t valid_cells = 0;  ///< cells above the horizon: those that the file has values for
   int components = 0;           ///< k
-  int observations = 0;         ///< m = 3 x materials
+  int observations = 0;         ///< m = 3 x materials x fits
+  int exemplars = 0;            ///< materials derived from the training set (exemplars.hpp)
   double epsilon = 0;           ///< of the mapping
   std::string training_set;     ///< names of the materials, comma-separated
   std::string training_hash;    ///< SHA-256 over the training files' contents, hex
@@ -69,6 +71,12 @@ class Basis {
   const BasisInfo& info() const;
   /// Singular values S, k of them, falling.
   const Eigen::VectorXd& singular_values() const;
+  /// The training observations' own weights U, m x k: rows of U S V^T = X - mu. Three rows (R, G,
+  /// B) for each name of info().training_set in turn.
+  const Eigen::MatrixXd& training_weights() const;
+  /// Derived materials, and their weights in this basis, info().exemplars x k.
+  const std::vector<Exemplar>& exemplars() const;
+  const Eigen::MatrixXd& exemplar_weights() const;
   /// Rows at directions above the horizon, interpolated linearly in the axis indices over the valid
   /// neighbours (phi_d periodic over pi); where none is valid, the nearest valid cell toward the
   /// peak.

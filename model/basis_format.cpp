@@ -143,6 +143,7 @@ BasisInfo read_info(const std::filesystem::path& file, Fields& fields) {
   info.valid_cells = fields.number("valid_cells", std::size_t{1}, info.grid.cells());
   info.observations = fields.number("observations", 2, kMaxObservations);
   info.components = fields.number("components", 1, std::min(kMaxComponents, info.observations - 1));
+  info.exemplars = fields.number("exemplars", 0, kMaxObservations);
   info.epsilon = fields.number("epsilon", 0.0, 1.0);
   if (info.epsilon != kMappingEpsilon) {
     refuse_basis_field(file, "epsilon", "is " + number(info.epsilon), number(kMappingEpsilon));
@@ -171,7 +172,12 @@ BasisLayout basis_layout(const BasisInfo& info) {
   at.mean = aligned(at.validity + info.grid.cells());
   at.median = aligned(at.mean + info.valid_cells * sizeof(float));
   at.components = aligned(at.median + info.valid_cells * sizeof(float));
-  at.size = aligned(at.components + info.valid_cells * k * sizeof(std::uint16_t));
+  at.training_weights = aligned(at.components + info.valid_cells * k * sizeof(std::uint16_t));
+  const auto observations = static_cast<std::size_t>(info.observations);
+  const auto exemplars = static_cast<std::size_t>(info.exemplars);
+  at.exemplars = aligned(at.training_weights + observations * k * sizeof(float));
+  at.exemplar_weights = aligned(at.exemplars + exemplars * sizeof(ExemplarRecord));
+  at.size = aligned(at.exemplar_weights + exemplars * k * sizeof(float));
   return at;
 }
 
@@ -183,6 +189,7 @@ std::string encode_basis_header(const BasisInfo& info) {
                       line("valid_cells", std::to_string(info.valid_cells)) +
                       line("components", std::to_string(info.components)) +
                       line("observations", std::to_string(info.observations)) +
+                      line("exemplars", std::to_string(info.exemplars)) +
                       line("epsilon", number(kMappingEpsilon)) +
                       line("training_set", info.training_set) +
                       line("training_hash", info.training_hash) + line("licence", info.licence) +

@@ -7,6 +7,9 @@
 //             mean             f32[rows]
 //             median           f32[rows], 1/sr
 //             components       f16[rows][k]: Q = V S, IEEE 754 binary16
+//             training weights f32[observations][k]: U
+//             exemplars        f32[exemplars][13]: exemplars.hpp, ExemplarRecord
+//             exemplar weights f32[exemplars][k]
 //
 // Each array starts at a multiple of 64; gaps are NUL. Little-endian. Rows are the valid cells in
 // cell order (phi_d fastest). Values of components rise to a few tens, so half floats need no
@@ -22,7 +25,7 @@
 
 namespace brdfgate {
 
-inline constexpr int kBasisVersion = 1;
+inline constexpr int kBasisVersion = 2;
 
 /// Offsets in bytes from the payload's start, and its size.
 struct BasisLayout {
@@ -31,6 +34,9 @@ struct BasisLayout {
   std::size_t mean;
   std::size_t median;
   std::size_t components;
+  std::size_t training_weights;
+  std::size_t exemplars;
+  std::size_t exemplar_weights;
   std::size_t size;
 };
 BasisLayout basis_layout(const BasisInfo& info);

@@ -2,73 +2,30 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
-#include <cmath>
 #include <cstring>
-#include <set>
 #include <span>
+#include <system_error>
 
 #include "model/basis_format.hpp"
 #include "model/error.hpp"
-#include "model/grid_stencil.hpp"
+#include "model/gram.hpp"
 #include "model/hash.hpp"
 #include "model/mapped_file.hpp"
-#include "model/mapping.hpp"
-#include "model/merl.hpp"
+#include "model/parallel.hpp"
 
 namespace brdfgate {
 namespace {
 
 using Eigen::Index;
 
-/// Cells belong to the basis when both cosines at their centre exceed this. Nearer to the horizon
-/// f is extrapolated in every source and the cosine weight hides it; 0 gives the same error.
-constexpr double kLeastCosine = 0.01;
-
-/// One theta_h of the grid: its cells above the horizon and every observation there.
-struct Slab {
-  std::vector<std::size_t> cells;
-  Eigen::VectorXd weight;  ///< per cell
-  Eigen::MatrixXd f;       ///< observations x cells, 1/sr
-};
-
-/// The training materials with what each source needs.
-struct Sources {
-  std::vector<NamedBrdf> materials;
-  std::vector<std::shared_ptr<const MerlBrdf>> files;  ///< empty, or one per material
-
-  Index observations() const { return 3 * static_cast<Index>(materials.size()); }
-  void drop_pages() const {
-    for (const auto& file : files)
-      file->drop_pages();
-  }
-};
-
-void check_name(const std::string& name) {
-  const bool plain =
-      std::none_of(name.begin(), name.end(), [](unsigned char c) { return c < 32 || c == ','; });
-  if (name.empty() || !plain) {
-    throw InputError("training material '" + name + "'", "is no usable name",
-                     "text without commas and line breaks");
-  }
-}
-
-void check_options(const std::vector<std::string>& names, const TrainingOptions& options) {
-  if (names.size() < 2) {
-    throw InputError("training set", std::to_string(names.size()) + " material(s)", "at least 2");
-  }
-  std::set<std::string> seen;
-  for (const std::string& name : names) {
-    check_name(name);
-    if (!seen.insert(name).second) {
-      throw InputError("training set", "two materials of the name '" + name + "'",
-                       "each material once");
-    }
-  }
-  const int most = static_cast<int>(3 * names.size()) - 1;
+/// Before the files are opened; that there are too few of them is open_sources()'s to say.
+void check_options(std::size_t materials, const TrainingOptions& options) {
+  if (materials < 2) return;
+  const int most = static_cast<int>(3 * materials) - 1;
   if (options.components < 1 || options.components > most) {
     throw InputError(
         "components", std::to_string(options.components),
-        "1 to " + std::to_string(most) + " for " + std::to_string(names.size()) + " materials");
+        "1 to " + std::to_string(most) + " for " + std::to_string(materials) + " materials");
   }
   const BasisGrid& g = options.grid;
   const auto [least, largest] = std::minmax({g.theta_h, g.theta_d, g.phi_d});
@@ -78,78 +35,6 @@ void check_options(const std::vector<std::string>& names, const TrainingOptions&
         std::to_string(g.theta_h) + "," + std::to_string(g.theta_d) + "," + std::to_string(g.phi_d),
         "2 to 1024 cells on each axis");
   }
-}
-
-Rgb sample(const NamedBrdf& material, const HalfDiff& at) {
-  constexpr double kRounding = 1e-9;
-  const Rgb f = material.brdf->diffuse(at.theta_d) + material.brdf->specular(at);
-  if (!(f.isFinite().all() && (f > -kRounding).all())) {
-    throw InputError("training material '" + material.name + "'",
-                     "is " + std::to_string(f[0]) + ", " + std::to_string(f[1]) + ", " +
-                         std::to_string(f[2]) + " at theta_h " + std::to_string(at.theta_h) +
-                         ", theta_d " + std::to_string(at.theta_d) + ", phi_d " +
-                         std::to_string(at.phi_d) + " rad",
-                     "finite values, none negative");
-  }
-  return f.max(0.0);
-}
-
-Slab sample_slab(const Sources& sources, const HalfDiffGrid& grid, int h) {
-  Slab slab;
-  std::vector<HalfDiff> angles;
-  for (int d = 0; d < grid.theta_d; ++d) {
-    for (int p = 0; p < grid.phi_d; ++p) {
-      const HalfDiff at = grid.centre(h, d, p);
-      if (!cosines(at).above_horizon(kLeastCosine)) continue;
-      slab.cells.push_back(grid.cell(h, d, p));
-      angles.push_back(at);
-    }
-  }
-  const auto n = static_cast<Index>(angles.size());
-  slab.weight.resize(n);
-  slab.f.resize(sources.observations(), n);
-  for (Index j = 0; j < n; ++j)
-    slab.weight[j] = cosine_weight(cosines(angles[static_cast<std::size_t>(j)]));
-  for (std::size_t i = 0; i < sources.materials.size(); ++i) {
-    for (Index j = 0; j < n; ++j) {
-      slab.f.block<3, 1>(3 * static_cast<Index>(i), j) =
-          sample(sources.materials[i], angles[static_cast<std::size_t>(j)]);
-    }
-  }
-  return slab;
-}
-
-/// Median of each column; the mean of the middle two where their number is even.
-Eigen::VectorXd column_medians(const Eigen::MatrixXd& values) {
-  Eigen::VectorXd medians(values.cols());
-  std::vector<double> column(static_cast<std::size_t>(values.rows()));
-  const auto middle = column.begin() + values.rows() / 2;
-  for (Index j = 0; j < values.cols(); ++j) {
-    Eigen::VectorXd::Map(column.data(), values.rows()) = values.col(j);
-    std::nth_element(column.begin(), middle, column.end());
-    medians[j] = *middle;
-    if (column.size() % 2 == 0)
-      medians[j] = (*middle + *std::max_element(column.begin(), middle)) / 2;
-  }
-  return medians;
-}
-
-/// Turns a slab's reflectances into mapped values less their mean, in place (C.IV eq. 1, 2).
-struct MappedSlab {
-  Eigen::VectorXd median;
-  Eigen::VectorXd mean;
-};
-MappedSlab map_slab(Slab& slab) {
-  MappedSlab mapped;
-  mapped.median = column_medians(slab.f);
-  for (Index j = 0; j < slab.f.cols(); ++j) {
-    const double reference = mapped.median[j];
-    const double w = slab.weight[j];
-    slab.f.col(j) = slab.f.col(j).unaryExpr([=](double f) { return to_mapped(f, reference, w); });
-  }
-  mapped.mean = slab.f.colwise().mean();
-  slab.f.rowwise() -= mapped.mean.transpose();
-  return mapped;
 }
 
 /// Eigenvectors and singular values of the m x m Gram matrix, falling.
@@ -174,6 +59,9 @@ struct Arrays {
   std::vector<float> mean;
   std::vector<float> median;
   std::vector<Eigen::half> components;  ///< row after row
+  Eigen::MatrixXf training_weights;     ///< m x k
+  std::vector<Exemplar> exemplars;
+  Eigen::MatrixXf exemplar_weights;  ///< exemplars x k
 
   void append(const Slab& slab, const MappedSlab& mapped, const Eigen::MatrixXd& q) {
     for (const std::size_t cell : slab.cells)
@@ -190,52 +78,62 @@ struct Arrays {
     for (std::size_t i = 0; i < components.size(); ++i) {
       if (negative[i % negative.size()]) components[i] = -components[i];
     }
+    for (std::size_t i = 0; i < negative.size(); ++i) {
+      if (negative[i]) training_weights.col(static_cast<Index>(i)) *= -1;
+    }
   }
 };
 
 /// Tells the share of the work that is done: two passes over the slabs.
-struct PassProgress {
-  const TrainingOptions& options;
-  int pass;
-  void done(int h) const {
-    const int all = options.grid.theta_h;
-    if (options.progress) options.progress((pass * all + h + 1) / (2.0 * all));
-  }
-};
-
-Eigen::MatrixXd gram_matrix(const Sources& sources, const HalfDiffGrid& grid,
-                            const PassProgress& progress, std::string& values_hash) {
-  Eigen::MatrixXd gram = Eigen::MatrixXd::Zero(sources.observations(), sources.observations());
-  for (int h = 0; h < grid.theta_h; ++h) {
-    Slab slab = sample_slab(sources, grid, h);
-    if (sources.files.empty()) {
-      const std::span<const double> values(slab.f.data(), static_cast<std::size_t>(slab.f.size()));
-      values_hash += sha256_hex(std::as_bytes(values));
-      values_hash = sha256_hex(values_hash);
-    }
-    map_slab(slab);
-    gram.selfadjointView<Eigen::Lower>().rankUpdate(slab.f);
-    sources.drop_pages();
-    progress.done(h);
-  }
-  return gram.selfadjointView<Eigen::Lower>();
+void tell(const TrainingOptions& options, int slabs) {
+  if (options.progress) options.progress(slabs / (2.0 * options.grid.theta_h));
 }
 
-Arrays project(const Sources& sources, const HalfDiffGrid& grid, const Decomposition& basis,
-               const PassProgress& progress) {
+/// What a checkpoint must have been made from.
+std::string checkpoint_key(const TrainingSources& sources, const BasisGrid& grid) {
+  constexpr int kRecipe = 1;  // raised when sampling or mapping change
+  return sha256_hex(std::to_string(kRecipe) + " " + std::to_string(grid.theta_h) + " " +
+                    std::to_string(grid.theta_d) + " " + std::to_string(grid.phi_d) + " " +
+                    sources.files_hash);
+}
+
+GramOptions gram_options(const TrainingSources& sources, const TrainingOptions& options) {
+  GramOptions gram;
+  if (!sources.files.empty()) {
+    gram.checkpoint = {options.checkpoint, checkpoint_key(sources, options.grid)};
+  }
+  gram.progress = [&options](int slabs) { tell(options, slabs); };
+  gram.message = options.message;
+  return gram;
+}
+
+/// Rows of Q = X^T U at a slab's cells.
+Eigen::MatrixXd project_slab(const Slab& slab, const Eigen::MatrixXd& u) {
+  constexpr int kBlock = 256;
+  Eigen::MatrixXd q(slab.f.cols(), u.cols());
+  parallel_for_blocks(static_cast<int>(slab.f.cols()), kBlock, [&](int first, int length) {
+    q.middleRows(first, length).noalias() = slab.f.middleCols(first, length).transpose() * u;
+  });
+  return q;
+}
+
+Arrays project(const TrainingSources& sources, const Decomposition& basis,
+               const TrainingOptions& options) {
+  const BasisGrid& grid = options.grid;
   Arrays arrays;
   arrays.singular_values = basis.s;
+  arrays.training_weights = basis.u.cast<float>();
   arrays.validity.assign(grid.cells(), 0);
   arrays.components.reserve(grid.cells() * static_cast<std::size_t>(basis.s.size()));
   Eigen::RowVectorXd sums = Eigen::RowVectorXd::Zero(basis.s.size());
   for (int h = 0; h < grid.theta_h; ++h) {
     Slab slab = sample_slab(sources, grid, h);
     const MappedSlab mapped = map_slab(slab);
-    const Eigen::MatrixXd q = slab.f.transpose() * basis.u;
+    const Eigen::MatrixXd q = project_slab(slab, basis.u);
     sums += q.colwise().sum();
     arrays.append(slab, mapped, q);
     sources.drop_pages();
-    progress.done(h);
+    tell(options, grid.theta_h + h + 1);
   }
   std::vector<bool> negative(static_cast<std::size_t>(sums.size()));
   for (Index i = 0; i < sums.size(); ++i)
@@ -244,80 +142,90 @@ Arrays project(const Sources& sources, const HalfDiffGrid& grid, const Decomposi
   return arrays;
 }
 
+/// Row after row, as the file has them.
+using FileRows = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
 std::vector<std::byte> payload_of(const Arrays& arrays, const BasisInfo& info) {
   const BasisLayout at = basis_layout(info);
   std::vector<std::byte> payload(at.size);
   const auto put = [&](std::size_t offset, const auto* values, std::size_t count) {
-    std::memcpy(payload.data() + offset, values, count * sizeof *values);
+    if (count > 0) std::memcpy(payload.data() + offset, values, count * sizeof *values);
+  };
+  const auto put_rows = [&put](std::size_t offset, const FileRows& rows) {
+    put(offset, rows.data(), static_cast<std::size_t>(rows.size()));
   };
   put(at.singular_values, arrays.singular_values.data(), arrays.singular_values.size());
   put(at.validity, arrays.validity.data(), arrays.validity.size());
   put(at.mean, arrays.mean.data(), arrays.mean.size());
   put(at.median, arrays.median.data(), arrays.median.size());
   put(at.components, arrays.components.data(), arrays.components.size());
+  put_rows(at.training_weights, arrays.training_weights);
+  std::vector<ExemplarRecord> records;
+  for (const Exemplar& e : arrays.exemplars)
+    records.push_back(to_record(e));
+  put(at.exemplars, records.data(), records.size());
+  put_rows(at.exemplar_weights, arrays.exemplar_weights);
   return payload;
 }
 
-/// Trains and writes. `training_hash` empty: the hash is over the sampled values.
-void train(const Sources& sources, const TrainingOptions& options, const std::string& training_hash,
-           const std::filesystem::path& out) {
-  AtomicFile file(out);  // before the work: an unwritable place is known at once
-  const HalfDiffGrid grid{options.grid.theta_h, options.grid.theta_d, options.grid.phi_d};
-  std::string values_hash;
-  const Eigen::MatrixXd gram = gram_matrix(sources, grid, {options, 0}, values_hash);
-  const Arrays arrays = project(sources, grid, decompose(gram, options.components), {options, 1});
-  BasisInfo info;
-  info.grid = options.grid;
-  info.valid_cells = arrays.mean.size();
-  info.components = options.components;
-  info.observations = static_cast<int>(sources.observations());
-  for (const NamedBrdf& m : sources.materials) {
-    if (!info.training_set.empty()) info.training_set += ',';
-    info.training_set += m.name;
-  }
-  info.training_hash = training_hash.empty() ? values_hash : training_hash;
-  info.licence = options.licence;
-  info.attribution = options.attribution;
+void write_basis(const Arrays& arrays, BasisInfo info, const std::filesystem::path& out) {
+  info.exemplars = static_cast<int>(arrays.exemplars.size());
   const std::vector<std::byte> payload = payload_of(arrays, info);
   info.checksum = sha256_hex(payload);
   const std::string header = encode_basis_header(info);
+  AtomicFile file(out);
   file.write(std::as_bytes(std::span(header)));
   file.write(payload);
   file.commit();
 }
 
-template <typename Material>
-std::vector<std::string> names_of(const std::vector<Material>& materials) {
-  std::vector<std::string> names;
-  names.reserve(materials.size());
-  for (const Material& m : materials)
-    names.push_back(m.name);
-  return names;
+/// Exemplars are derived from the basis as a reader of the file sees it: half floats and grid
+/// included. So the basis is written and read once without them.
+void add_exemplars(Arrays& arrays, const BasisInfo& info, const ExemplarCounts& counts,
+                   const std::filesystem::path& out) {
+  if (counts.total() == 0) return;
+  const std::filesystem::path draft = out.string() + ".draft";
+  write_basis(arrays, info, draft);
+  const auto basis = Basis::open(draft);
+  std::filesystem::remove(draft);
+  arrays.exemplars = draw_exemplars(*basis, counts);
+  arrays.exemplar_weights = project_exemplars(*basis, arrays.exemplars).cast<float>();
+}
+
+void train(const TrainingSources& sources, const TrainingOptions& options,
+           const std::filesystem::path& out) {
+  static_cast<void>(AtomicFile(out));  // an unwritable place is known before the work
+  const GramState gram = accumulate_gram(sources, options.grid, gram_options(sources, options));
+  Arrays arrays = project(sources, decompose(gram.gram, options.components), options);
+  BasisInfo info;
+  info.grid = options.grid;
+  info.valid_cells = arrays.mean.size();
+  info.components = options.components;
+  info.observations = static_cast<int>(sources.observations());
+  info.training_set = sources.names();
+  info.training_hash = sources.files_hash.empty() ? gram.values_hash : sources.files_hash;
+  info.licence = options.licence;
+  info.attribution = options.attribution;
+  add_exemplars(arrays, info, options.exemplars, out);
+  write_basis(arrays, info, out);
+  if (!options.checkpoint.empty()) {
+    std::error_code none;  // as a rule there is one
+    std::filesystem::remove(options.checkpoint, none);
+  }
 }
 
 }  // namespace
 
 void train_basis(const std::vector<TrainingMaterial>& materials, const TrainingOptions& options,
                  const std::filesystem::path& out) {
-  check_options(names_of(materials), options);
-  Sources sources;
-  std::string listing;
-  for (const TrainingMaterial& m : materials) {
-    sources.files.push_back(MerlBrdf::open(m.file));
-    sources.materials.push_back({m.name, sources.files.back()});
-    listing += m.name + " " + sha256_hex(sources.files.back()->bytes()) + "\n";
-    sources.files.back()->drop_pages();
-  }
-  train(sources, options, sha256_hex(listing), out);
+  check_options(materials.size(), options);
+  train(open_sources(materials), options, out);
 }
 
 void train_basis(const std::vector<NamedBrdf>& materials, const TrainingOptions& options,
                  const std::filesystem::path& out) {
-  check_options(names_of(materials), options);
-  for (const NamedBrdf& m : materials) {
-    if (m.brdf == nullptr) throw InputError("training material '" + m.name + "'", "has no BRDF");
-  }
-  train({materials, {}}, options, "", out);
+  check_options(materials.size(), options);
+  train(open_sources(materials), options, out);
 }
 
 }  // namespace brdfgate

@@ -12,33 +12,30 @@
 #include <vector>
 
 #include "model/basis.hpp"
+#include "model/exemplars.hpp"
+#include "model/training_sources.hpp"
 
 namespace brdfgate {
 
 struct TrainingOptions {
   BasisGrid grid;
   int components = 40;
+  ExemplarCounts exemplars{0, 0};  ///< derived materials for the estimator `gp`
   std::string licence;
   std::string attribution;
   std::function<void(double)> progress;  ///< called with 0..1; may be empty
-};
-
-struct TrainingMaterial {
-  std::string name;
-  std::filesystem::path file;  ///< MERL .binary
-};
-
-/// A material that is not a file: an analytic model, another basis' reconstruction.
-struct NamedBrdf {
-  std::string name;
-  BrdfPtr brdf;
+  /// Where an interrupted training goes on; removed when the basis is written. Empty: nowhere. Of
+  /// use for files only: a BRDF object has no bytes to be recognised by.
+  std::filesystem::path checkpoint;
+  std::function<void(const std::string&)> message;  ///< a checkpoint used or ignored; may be empty
 };
 
 /// Trains and writes the file atomically. Streams theta_h slab by slab through the mapped files and
 /// accumulates the m x m Gram matrix in double precision: memory grows with m, not with m x p.
-/// Deterministic; each component's sign makes the sum over its cells positive.
-/// Throws InputError: fewer than 2 materials, two of one name, components > m - 1, an unusable
-/// file or material (named).
+/// Deterministic, whatever the number of threads and interruptions; each component's sign makes the
+/// sum over its cells positive.
+/// Throws InputError: fewer than 2 materials, two of one name in one fit, components > m - 1, an
+/// unusable file or material (named).
 void train_basis(const std::vector<TrainingMaterial>& materials, const TrainingOptions& options,
                  const std::filesystem::path& out);
 /// The same from BRDF objects; small bases are built on the spot. The training hash is then over

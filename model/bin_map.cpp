@@ -81,6 +81,12 @@ std::vector<Cells> rings(std::vector<BinCell>& cells) {
   return out;
 }
 
+/// One light's bins and the tree that finds them.
+struct LightBins {
+  std::vector<Cells> bins;
+  std::vector<BinNode> tree;
+};
+
 /// Where to cut cells sorted by an angle: in a gap wider than `span` if there is one (two patches
 /// far apart share no bin), else so that both sides' sectors get equal areas.
 std::size_t cut_at(Cells cells, float BinCell::* angle, double span, int parts) {
@@ -97,12 +103,17 @@ std::size_t cut_at(Cells cells, float BinCell::* angle, double span, int parts) 
   return cells.size() * static_cast<std::size_t>(parts / 2) / static_cast<std::size_t>(parts);
 }
 
+float between(float below, float above) {
+  return below + (above - below) / 2;
+}
+
 /// Cuts a ring into `parts` sectors of equal area: again and again across the angle that varies
 /// most, measured in the spans over which reflectance hardly changes (3 deg of theta_d, 30 deg of
 /// phi_d). phi_d is cut inside [0, pi), so no sector straddles its wrap.
-void cut_sectors(Cells cells, int parts, std::vector<Cells>& out) {
+void cut_sectors(Cells cells, int parts, LightBins& out) {
   if (parts <= 1 || cells.size() < 2 * kLeastCells) {
-    out.push_back(cells);
+    out.tree.push_back({-1, 0, -1, static_cast<int>(out.bins.size())});
+    out.bins.push_back(cells);
     return;
   }
   constexpr double kSpanD = 3.0 * kPi / 180.0;
@@ -121,7 +132,10 @@ void cut_sectors(Cells cells, int parts, std::vector<Cells>& out) {
   const std::size_t cut = cut_at(cells, angle, across_p ? kSpanP : kSpanD, parts);
   const double share = static_cast<double>(cut) / static_cast<double>(cells.size());
   const int first = std::clamp(static_cast<int>(std::lround(share * parts)), 1, parts - 1);
+  const std::size_t node = out.tree.size();
+  out.tree.push_back({across_p ? 2 : 1, between(cells[cut - 1].*angle, cells[cut].*angle), -1, -1});
   cut_sectors(cells.first(cut), first, out);
+  out.tree[node].other = static_cast<int>(out.tree.size());
   cut_sectors(cells.subspan(cut), parts - first, out);
 }
 
@@ -146,24 +160,55 @@ HalfDiff mean_angles(const CellGeometry& cells, std::size_t light, Cells bin) {
   return mean;
 }
 
-/// Bins of one light, by rising theta_h.
-void add_light(const CellGeometry& cells, std::size_t light, BinMap& map) {
-  std::vector<BinCell> all = inspected_cells(cells, light);
+/// The bins of all cells of one light, by rising theta_h.
+LightBins cut_light(std::vector<BinCell>& all) {
   const double sector =
       std::max(double(kLeastCells), static_cast<double>(all.size()) / kSectorsPerLight);
-  std::vector<Cells> bins;
-  for (const Cells& ring : rings(all)) {
-    cut_sectors(ring, std::max(1, static_cast<int>(std::lround(double(ring.size()) / sector))),
-                bins);
+  LightBins out;
+  const std::vector<Cells> ring = rings(all);
+  for (std::size_t i = 0; i < ring.size(); ++i) {
+    const std::size_t node = out.tree.size();
+    const bool last = i + 1 == ring.size();
+    if (!last) {
+      // Cutting a ring sorts it anew, so its edge is taken before.
+      const auto by_axis = [](const BinCell& a, const BinCell& b) { return a.axis < b.axis; };
+      const float most = std::max_element(ring[i].begin(), ring[i].end(), by_axis)->axis;
+      const float least = std::min_element(ring[i + 1].begin(), ring[i + 1].end(), by_axis)->axis;
+      out.tree.push_back({0, between(most, least), -1, -1});
+    }
+    cut_sectors(ring[i],
+                std::max(1, static_cast<int>(std::lround(double(ring[i].size()) / sector))), out);
+    if (!last) out.tree[node].other = static_cast<int>(out.tree.size());
+  }
+  return out;
+}
+
+void add_light(const CellGeometry& cells, std::size_t light, BinMap& map) {
+  std::vector<BinCell> all = inspected_cells(cells, light);
+  LightBins cut = cut_light(all);
+  const int first = map.bins();
+  for (BinNode& node : cut.tree) {
+    if (node.axis < 0) node.bin += first;
   }
   cv::Mat id(cells.inside.size(), CV_32SC1, cv::Scalar(-1));
-  for (const Cells& bin : bins) {
+  for (const Cells& bin : cut.bins) {
     for (const BinCell& c : bin)
       id.at<int>(c.at / id.cols, c.at % id.cols) = map.bins();
     map.mean_angles.push_back(mean_angles(cells, light, bin));
     map.light.push_back(static_cast<int>(light) + 1);
   }
   map.id.push_back(id);
+  map.trees.push_back(std::move(cut.tree));
+}
+
+int find_bin(const std::vector<BinNode>& tree, const BinCell& cell) {
+  std::size_t at = 0;
+  while (tree[at].axis >= 0) {
+    const BinNode& node = tree[at];
+    const float value = node.axis == 0 ? cell.axis : node.axis == 1 ? cell.theta_d : cell.phi_d;
+    at = value < node.edge ? at + 1 : static_cast<std::size_t>(node.other);
+  }
+  return tree[at].bin;
 }
 
 }  // namespace
@@ -176,6 +221,26 @@ BinMap make_bin_map(const CellGeometry& cells) {
   BinMap map;
   for (std::size_t light = 0; light < cells.angles.size(); ++light)
     add_light(cells, light, map);
+  return map;
+}
+
+BinMap reassigned(const BinMap& bins, const CellGeometry& cells) {
+  BinMap map = bins;
+  for (std::size_t light = 0; light < cells.angles.size(); ++light) {
+    if (bins.trees[light].empty()) continue;
+    std::vector<BinCell> all = inspected_cells(cells, light);
+    cv::Mat id(cells.inside.size(), CV_32SC1, cv::Scalar(-1));
+    std::vector<std::vector<BinCell>> members(static_cast<std::size_t>(bins.bins()));
+    for (const BinCell& c : all) {
+      const int bin = find_bin(bins.trees[light], c);
+      id.at<int>(c.at / id.cols, c.at % id.cols) = bin;
+      members[static_cast<std::size_t>(bin)].push_back(c);
+    }
+    for (std::size_t i = 0; i < members.size(); ++i) {
+      if (!members[i].empty()) map.mean_angles[i] = mean_angles(cells, light, members[i]);
+    }
+    map.id[light] = id;
+  }
   return map;
 }
 

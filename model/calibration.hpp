@@ -11,12 +11,40 @@
 
 namespace brdfgate {
 
+/// Where a figure of the geometry comes from.
+enum class GeometrySource { nominal, fitted, by_hand };
+
+struct PlaceQuality {
+  GeometrySource source = GeometrySource::nominal;
+  double sigma_m = 0;   ///< of the position; 0: not known
+  double residual = 0;  ///< camera: rms reprojection error in px; light: rms of ln(seen / fitted)
+  bool operator==(const PlaceQuality&) const = default;
+};
+
+struct GeometryQuality {
+  PlaceQuality camera;
+  std::vector<PlaceQuality> lights;  ///< one per light, or empty: all nominal
+};
+
+/// The white reference's certificate; dates ISO 8601 (YYYY-MM-DD), empty where not given.
+struct WhiteCertificate {
+  std::string number;
+  std::string date;
+  std::string due;
+  bool operator==(const WhiteCertificate&) const = default;
+};
+
 /// Calibration of one station; every result carries its hash.
 struct Calibration {
   SensorFormat sensor;  ///< black level as measured
   SensorNoise noise;    ///< as measured (read noise from darks, gain from white frame pairs)
   StationGeometry geometry;
+  GeometryQuality quality;
   std::array<double, 3> white_reflectance{0.99, 0.99, 0.99};  ///< certified, per channel
+  WhiteCertificate certificate;
+  /// Per light: radiance of a black gauge over the white reference's, as measured, channels'
+  /// largest; what it lies over the gauge's own reflectance is stray light. Empty: not measured.
+  std::vector<double> stray_share;
   std::vector<Radiance>
       white;                 ///< reference plate under each light, ambient subtracted; [0] light 1
   std::string station_hash;  ///< of the station configuration it was made for

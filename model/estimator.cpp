@@ -31,7 +31,9 @@ void check_bin(const Bin& bin, int channels, std::size_t number) {
   }
 }
 
-void check(const BinnedSamples& samples) {
+}  // namespace
+
+void check_samples(const BinnedSamples& samples) {
   if (samples.channels != 1 && samples.channels != 3) {
     throw InputError("samples", std::to_string(samples.channels) + " channels", "1 or 3");
   }
@@ -40,7 +42,6 @@ void check(const BinnedSamples& samples) {
     check_bin(samples.bins[j], samples.channels, j);
 }
 
-/// Mapped observations less the mean: x~ - mu~, n x channels.
 Eigen::MatrixXd centred(const BinnedSamples& samples, const BasisRows& rows) {
   Eigen::MatrixXd x(rows.q.rows(), samples.channels);
   for (Index j = 0; j < x.rows(); ++j) {
@@ -50,8 +51,6 @@ Eigen::MatrixXd centred(const BinnedSamples& samples, const BasisRows& rows) {
   }
   return x;
 }
-
-}  // namespace
 
 Eigen::MatrixXd Weights::in_prior_sigmas(int observations) const {
   return c * std::sqrt(static_cast<double>(observations));
@@ -69,7 +68,7 @@ Eigen::MatrixXd Weights::sigmas_in_prior_sigmas(int observations) const {
 }
 
 Weights ridge(const Basis& basis, const BinnedSamples& samples, double eta) {
-  check(samples);
+  check_samples(samples);
   if (!(eta > 0 && std::isfinite(eta))) {
     throw InputError("eta", std::to_string(eta), "a finite value over 0");
   }
@@ -85,14 +84,18 @@ Weights ridge(const Basis& basis, const BinnedSamples& samples, double eta) {
   const Eigen::MatrixXd covariance =
       eta / basis.info().observations * factor.solve(Eigen::MatrixXd::Identity(k, k));
   w.covariance.assign(static_cast<std::size_t>(samples.channels), covariance);
-  w.residual_rms = std::sqrt((x - rows.q * w.c).squaredNorm() / static_cast<double>(x.size()));
+  const Eigen::MatrixXd residual = x - rows.q * w.c;
+  const double n = static_cast<double>(x.rows());
+  w.residual_rms = std::sqrt(residual.squaredNorm() / static_cast<double>(x.size()));
+  w.misfit = (residual.colwise().squaredNorm().transpose() / n).cwiseSqrt() /
+             std::sqrt(eta / basis.info().observations);
   w.rows = static_cast<int>(x.rows());
   return w;
 }
 
 Eigen::MatrixXd mapped_residual(const Basis& basis, const BinnedSamples& samples,
                                 const Weights& w) {
-  check(samples);
+  check_samples(samples);
   if (w.c.rows() != basis.info().components || w.c.cols() != samples.channels) {
     throw InputError(
         "weights",

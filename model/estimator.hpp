@@ -17,7 +17,10 @@ struct Weights {
   Eigen::MatrixXd c;                        ///< k x channels, C.IV eq. 12
   std::vector<Eigen::MatrixXd> covariance;  ///< k x k per channel, of c
   double residual_rms = 0;                  ///< mapped units, over bins and channels
-  int rows = 0;                             ///< n, the bins used
+  /// Per channel: what the weights leave unexplained, over what they should at most. ridge: RMS
+  /// over sqrt(eta / m); gp: mean square in misfits over its limit (example_regression.hpp).
+  Eigen::VectorXd misfit;
+  int rows = 0;  ///< n, the bins used
 
   /// Weights in prior sigmas: c * sqrt(m), the form every interface publishes.
   Eigen::MatrixXd in_prior_sigmas(int observations) const;
@@ -31,6 +34,12 @@ struct Weights {
 /// @pre bins not empty, each f finite and not negative, directions above the horizon.
 /// Throws InputError otherwise.
 Weights ridge(const Basis& basis, const BinnedSamples& samples, double eta = kRidgeEta);
+
+/// Throws InputError unless bins are there, finite, not negative and above the horizon.
+void check_samples(const BinnedSamples& samples);
+
+/// Mapped observations less the mean: x~ - mu~, n x channels.
+Eigen::MatrixXd centred(const BinnedSamples& samples, const BasisRows& rows);
 
 /// Mapped observations minus the model at the bins: n x channels (the residual behind SPE).
 Eigen::MatrixXd mapped_residual(const Basis& basis, const BinnedSamples& samples, const Weights& w);

@@ -92,14 +92,47 @@ void set_empty(CellGeometry& cells, const cv::Point& at) {
 
 }  // namespace
 
+Eigen::Vector2d LensDistortion::apply(const Eigen::Vector2d& ideal) const {
+  const double x = ideal.x(), y = ideal.y();
+  const double r2 = ideal.squaredNorm();
+  const double radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3));
+  return {x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
+          y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y};
+}
+
+Eigen::Vector2d LensDistortion::remove(const Eigen::Vector2d& distorted) const {
+  constexpr int kMostSteps = 10;
+  constexpr double kCloseEnough = 1e-13;
+  Eigen::Vector2d ideal = distorted;
+  for (int step = 0; step < kMostSteps; ++step) {
+    const Eigen::Vector2d miss = apply(ideal) - distorted;
+    if (miss.squaredNorm() < kCloseEnough * kCloseEnough) break;
+    const double x = ideal.x(), y = ideal.y();
+    const double r2 = ideal.squaredNorm();
+    const double radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3));
+    const double slope = 2 * (k1 + r2 * (2 * k2 + r2 * 3 * k3));  // d radial / d r2, doubled
+    Eigen::Matrix2d J;
+    J(0, 0) = radial + slope * x * x + 2 * p1 * y + 6 * p2 * x;
+    J(0, 1) = J(1, 0) = slope * x * y + 2 * p1 * x + 2 * p2 * y;
+    J(1, 1) = radial + slope * y * y + 6 * p1 * y + 2 * p2 * x;
+    ideal -= J.inverse() * miss;
+  }
+  return ideal;
+}
+
 Eigen::Vector3d PinholeCamera::ray_W(const Eigen::Vector2d& pixel) const {
   const Eigen::Vector2d offset = pixel - centre_px;
-  return X_WC.linear() * Eigen::Vector3d(offset.x(), offset.y(), focal_px).normalized();
+  if (distortion.none()) {
+    return X_WC.linear() * Eigen::Vector3d(offset.x(), offset.y(), focal_px).normalized();
+  }
+  const Eigen::Vector2d ideal = distortion.remove(offset / focal_px);
+  return X_WC.linear() * Eigen::Vector3d(ideal.x(), ideal.y(), 1).normalized();
 }
 
 Eigen::Vector2d PinholeCamera::project(const Eigen::Vector3d& p_W) const {
   const Eigen::Vector3d p_C = X_WC.inverse() * p_W;
-  return focal_px / p_C.z() * p_C.head<2>() + centre_px;
+  if (distortion.none()) return focal_px / p_C.z() * p_C.head<2>() + centre_px;
+  return focal_px * distortion.apply(p_C.head<2>() / p_C.z()) + centre_px;
 }
 
 StationGeometry make_geometry(const NominalRig& rig, const SensorFormat& sensor) {

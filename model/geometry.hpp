@@ -13,10 +13,25 @@
 
 namespace brdfgate {
 
-/// Ideal pinhole; pixel coordinates with (0, 0) at the centre of the first pixel.
+/// Radial and tangential distortion of a lens (Brown 1966, in OpenCV's order and sign), on image
+/// coordinates divided by the focal length.
+struct LensDistortion {
+  double k1 = 0, k2 = 0, p1 = 0, p2 = 0, k3 = 0;
+
+  bool none() const { return *this == LensDistortion{}; }
+  /// From where an ideal pinhole would image a point to where the lens does.
+  Eigen::Vector2d apply(const Eigen::Vector2d& ideal) const;
+  /// The way back, by Newton's method; exact to 1e-12 where the distortion is below a few percent.
+  Eigen::Vector2d remove(const Eigen::Vector2d& distorted) const;
+  bool operator==(const LensDistortion&) const = default;
+};
+
+/// Pinhole with square pixels and a distorting lens; pixel coordinates with (0, 0) at the centre of
+/// the first pixel.
 struct PinholeCamera {
   double focal_px = 0;
   Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();
+  LensDistortion distortion;
   Eigen::Isometry3d X_WC = Eigen::Isometry3d::Identity();  ///< pose of the camera in the world
 
   Eigen::Vector3d position() const { return X_WC.translation(); }
@@ -63,16 +78,29 @@ struct CellGeometry {
 CellGeometry cell_geometry(const StationGeometry& geometry, const SensorFormat& sensor,
                            cv::Size2d roi_m);
 
+/// A cut across one angle, or a leaf: a bin.
+struct BinNode {
+  int axis = -1;   ///< 0 theta_h in MERL cells, 1 theta_d, 2 phi_d (rad); -1: a leaf
+  float edge = 0;  ///< below it the next node, else node `other`
+  int other = -1;  ///< number of a node
+  int bin = -1;    ///< of a leaf
+};
+
 /// The station's fixed bins: theta_h cells of the MERL axis near the peak, coarser elsewhere, a few
 /// degrees of theta_d and phi_d. Computed once per calibration.
 struct BinMap {
   std::vector<cv::Mat>
       id;  ///< per light CV_32SC1: bin of each cell, -1 outside the inspected region
-  std::vector<int> light;             ///< per bin: 1 or 2
-  std::vector<HalfDiff> mean_angles;  ///< per bin: mean over all its cells
+  std::vector<int> light;                   ///< per bin: 1 or 2
+  std::vector<HalfDiff> mean_angles;        ///< per bin: mean over all its cells
+  std::vector<std::vector<BinNode>> trees;  ///< per light, the root first
   int bins() const { return static_cast<int>(light.size()); }
 };
 BinMap make_bin_map(const CellGeometry& cells);
+/// The same bins seen by cells with other angles: those of a part that lies a little differently.
+/// A cell belongs to the bin that its angles belong to; mean angles are over those cells, and the
+/// old ones where there are none.
+BinMap reassigned(const BinMap& bins, const CellGeometry& cells);
 
 /// Everything per cell that is fixed while the calibration is.
 struct StationMap {

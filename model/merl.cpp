@@ -22,7 +22,7 @@ static_assert(std::endian::native == std::endian::little, "the format is little-
 constexpr HalfDiffGrid kGrid{MerlFormat::kThetaH, MerlFormat::kThetaD, MerlFormat::kPhiD};
 constexpr std::size_t kHeaderBytes = 3 * sizeof(std::int32_t);
 constexpr std::size_t kFileBytes = kHeaderBytes + 3 * MerlFormat::kCells * sizeof(double);
-constexpr double kMissing = -1.0;
+constexpr double kMissing = MerlFormat::kMissing;
 /// The diffuse part is the minimum over theta_h below this (scene file definition).
 constexpr double kDiffuseBelow = std::numbers::pi / 3;
 
@@ -214,6 +214,10 @@ Rgb MerlBrdf::table(const HalfDiff& angles) const {
 double MerlBrdf::cell(int channel, std::size_t index) const {
   const double v = mapping_->raw(channel, index);
   return is_value(v) ? v * MerlFormat::kScale[channel] : kMissing;
+}
+
+double MerlBrdf::raw(int channel, std::size_t index) const {
+  return mapping_->raw(channel, index);
 }
 
 std::span<const std::byte> MerlBrdf::bytes() const {

@@ -20,6 +20,7 @@ struct MerlFormat {
   static constexpr int kPhiD = 180;
   static constexpr std::size_t kCells = std::size_t{kThetaH} * kThetaD * kPhiD;
   static constexpr std::array<double, 3> kScale{1.0 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0};
+  static constexpr double kMissing = -1.0;  ///< on file, where there is no value
   static std::size_t cell(int h, int d, int p) {
     return (static_cast<std::size_t>(h) * kThetaD + d) * kPhiD + p;
   }
@@ -42,6 +43,8 @@ class MerlBrdf final : public Brdf {
   Rgb table(const HalfDiff& angles) const;
   /// One cell in 1/sr; negative where missing.
   double cell(int channel, std::size_t index) const;
+  /// One cell as on file, without the colour scale.
+  double raw(int channel, std::size_t index) const;
   /// The file as mapped.
   std::span<const std::byte> bytes() const;
   /// Gives mapped pages back; they are read again when touched (training streams many files).

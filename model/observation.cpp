@@ -54,6 +54,11 @@ std::vector<Eigen::MatrixXd> noise_covariance(const Basis& basis, const BinnedSa
                       rows.q.cols());
 }
 
+std::vector<Eigen::MatrixXd> noise_covariance(const BasisRows& rows, const BinnedSamples& samples,
+                                              double eta) {
+  return through_gain(rows, mapped_noise(rows, samples), eta, 1, rows.q.cols());
+}
+
 ClusterObservation observe(const Basis& basis, const BinnedSamples& samples, const Weights& weights,
                            int monitored_weights, double eta) {
   ClusterObservation seen;

@@ -42,5 +42,8 @@ Eigen::MatrixXd mapped_noise(const BasisRows& rows, const BinnedSamples& samples
 /// parts.
 std::vector<Eigen::MatrixXd> noise_covariance(const Basis& basis, const BinnedSamples& samples,
                                               double eta = kRidgeEta);
+/// The same of the weights c, not in prior sigmas, with the basis' rows at hand.
+std::vector<Eigen::MatrixXd> noise_covariance(const BasisRows& rows, const BinnedSamples& samples,
+                                              double eta);
 
 }  // namespace brdfgate

@@ -22,39 +22,41 @@ void check_layout(const std::string& where, const cv::Mat& seen, const cv::Mat& 
   }
 }
 
-/// cos_i / d^2 of a light over a horizontal surface through p; not positive below its horizon.
-double irradiance_factor(const Eigen::Vector3d& light_W, const Eigen::Vector3d& p_W) {
+/// cos_i / d^2 of a light over a surface of this normal through p; not positive below its horizon.
+double irradiance_factor(const Eigen::Vector3d& light_W, const Eigen::Vector3d& p_W,
+                         const Eigen::Vector3d& normal_W) {
   const Eigen::Vector3d d = light_W - p_W;
   const double square = d.squaredNorm();
-  return d.z() / (square * std::sqrt(square));
+  return normal_W.dot(d) / (square * std::sqrt(square));
 }
 
 /// App. H eq. 20 beyond the signal ratio, along one ray from the eye (of any length):
-/// (cos_i_ref / cos_i_mat) (d_mat / d_ref)^2 for the points at z = 0 and z = height that it meets;
-/// 0 where either is out of sight of camera or light.
+/// (cos_i_ref / cos_i_mat) (d_mat / d_ref)^2 for the points of z = 0 and of the part's plane that
+/// it meets; 0 where either is out of sight of camera or light.
 double ray_factor(const Eigen::Vector3d& light_W, const Eigen::Vector3d& eye_W,
-                  const Eigen::Vector3d& ray_W, double height_m) {
-  const double to_part = (height_m - eye_W.z()) / ray_W.z();
+                  const Eigen::Vector3d& ray_W, const PartPlane& plane) {
+  const Eigen::Vector3d normal_W = plane.normal_W();
+  const double to_part =
+      normal_W.dot(Eigen::Vector3d(0, 0, plane.height_m) - eye_W) / normal_W.dot(ray_W);
   const double to_reference = -eye_W.z() / ray_W.z();
   if (!(to_part > 0 && to_reference > 0)) return 0;
-  const double part = irradiance_factor(light_W, eye_W + to_part * ray_W);
-  const double reference = irradiance_factor(light_W, eye_W + to_reference * ray_W);
+  const double part = irradiance_factor(light_W, eye_W + to_part * ray_W, normal_W);
+  const double reference =
+      irradiance_factor(light_W, eye_W + to_reference * ray_W, Eigen::Vector3d::UnitZ());
   return part > 0 && reference > 0 ? reference / part : 0;
 }
 
-cv::Mat height_factor(const Calibration& calibration, std::size_t light, double height_m) {
+cv::Mat plane_factor(const Calibration& calibration, std::size_t light, const PartPlane& plane) {
   const PinholeCamera& camera = calibration.geometry.camera;
   const Eigen::Vector3d light_W = calibration.geometry.lights_W[light];
   const Eigen::Vector3d eye_W = camera.position();
-  const Eigen::Matrix3d R_WC = camera.X_WC.linear();
   cv::Mat factor(calibration.sensor.cells(), CV_32FC1);
   cv::parallel_for_(cv::Range(0, factor.rows), [&](const cv::Range& rows) {
     for (int v = rows.start; v < rows.end; ++v) {
       auto* row = factor.ptr<float>(v);
       for (int u = 0; u < factor.cols; ++u) {
-        const Eigen::Vector2d px = cell_centre_px(calibration.sensor, u, v) - camera.centre_px;
-        const Eigen::Vector3d ray_W = R_WC * Eigen::Vector3d(px.x(), px.y(), camera.focal_px);
-        row[u] = static_cast<float>(ray_factor(light_W, eye_W, ray_W, height_m));
+        const Eigen::Vector3d ray_W = camera.ray_W(cell_centre_px(calibration.sensor, u, v));
+        row[u] = static_cast<float>(ray_factor(light_W, eye_W, ray_W, plane));
       }
     }
   });
@@ -131,11 +133,11 @@ void convert(const Radiance& part, const Radiance& white, const cv::Mat& factor,
 }
 
 Reflectance convert_light(const Radiance& part, const Calibration& calibration, std::size_t light,
-                          double height_m) {
+                          const PartPlane& plane) {
   const Radiance& white = calibration.white[light];
   check_layout("light " + std::to_string(light + 1), part.value, white.value);
   cv::Mat factor;
-  if (height_m != 0) factor = height_factor(calibration, light, height_m);
+  if (!plane.in_reference_plane()) factor = plane_factor(calibration, light, plane);
   std::array<float, 3> scale{};
   for (std::size_t c = 0; c < scale.size(); ++c)
     scale[c] = static_cast<float>(calibration.white_reflectance[c] / std::numbers::pi);
@@ -180,16 +182,27 @@ std::vector<double> shares(const Radiance& ambient, const Radiance& white, const
 
 }  // namespace
 
+Eigen::Vector3d PartPlane::normal_W() const {
+  return Eigen::AngleAxisd(tilt.y(), Eigen::Vector3d::UnitY()) *
+         (Eigen::AngleAxisd(tilt.x(), Eigen::Vector3d::UnitX()) * Eigen::Vector3d::UnitZ());
+}
+
 std::vector<Reflectance> to_reflectance(const RadianceSet& radiance, const Calibration& calibration,
                                         double height_m) {
+  return to_reflectance(radiance, calibration, PartPlane{.height_m = height_m});
+}
+
+std::vector<Reflectance> to_reflectance(const RadianceSet& radiance, const Calibration& calibration,
+                                        const PartPlane& plane) {
   if (radiance.lights.size() != calibration.white.size() ||
-      (height_m != 0 && calibration.geometry.lights_W.size() != calibration.white.size())) {
+      (!plane.in_reference_plane() &&
+       calibration.geometry.lights_W.size() != calibration.white.size())) {
     throw InputError("capture", std::to_string(radiance.lights.size()) + " lights",
                      std::to_string(calibration.white.size()) + " as calibrated");
   }
   std::vector<Reflectance> out;
   for (std::size_t l = 0; l < radiance.lights.size(); ++l)
-    out.push_back(convert_light(radiance.lights[l], calibration, l, height_m));
+    out.push_back(convert_light(radiance.lights[l], calibration, l, plane));
   return out;
 }
 

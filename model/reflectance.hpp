@@ -16,11 +16,24 @@ struct Reflectance {
   cv::Mat mask;      ///< CV_8UC1 of MaskBit
 };
 
+/// Where a part's surface lies: through (0, 0, height), tilted about x, then y (R = Ry Rx,
+/// radians).
+struct PartPlane {
+  double height_m = 0;
+  Eigen::Vector2d tilt = Eigen::Vector2d::Zero();
+
+  bool in_reference_plane() const { return height_m == 0 && tilt.isZero(0); }
+  Eigen::Vector3d normal_W() const;
+};
+
 /// f = rho_ref / pi * X_mat / X_ref for a part in the reference's plane; with `height_m` other than
 /// 0 the cosine and distance ratios of App. H eq. 20 for a plane that much above the reference's.
 /// Throws InputError where sizes or channels differ from the calibration's.
 std::vector<Reflectance> to_reflectance(const RadianceSet& radiance, const Calibration& calibration,
                                         double height_m = 0);
+/// The same for a part whose plane is known: eq. 20 with the part's own normal and distance.
+std::vector<Reflectance> to_reflectance(const RadianceSet& radiance, const Calibration& calibration,
+                                        const PartPlane& plane);
 
 /// Ambient light as a share of the white reference's signal under light 2, colours summed: median
 /// over every second row and column of `cells` (CV_8UC1).

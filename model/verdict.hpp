@@ -11,6 +11,7 @@
 #include "model/readings.hpp"
 #include "model/recipe.hpp"
 #include "model/regions.hpp"
+#include "model/validity.hpp"
 
 namespace brdfgate {
 
@@ -107,7 +108,8 @@ struct ClusterResult {
   } valid;
   std::string method = "ridge";
   int channels = 3;
-  Weights raw;                    ///< as estimated
+  Weights raw;  ///< as estimated
+  Validity validity;
   Eigen::MatrixXd weights;        ///< prior sigmas, k x channels
   Eigen::MatrixXd weight_sigmas;  ///< posterior deviations, prior sigmas
   Deviation deviation;
@@ -123,8 +125,10 @@ struct PartResult {
   double t2_ratio = 0;  ///< largest T^2 over its limit
   double spe_ratio = 0;
   int worst_cluster = 0;
-  std::array<double, 2> tilt_deg{};  ///< not estimated yet: 0, with the fixture's own deviation
+  std::array<double, 2> tilt_deg{};  ///< of the part, about x and y
   std::array<double, 2> tilt_sigma_deg{};
+  double height_mm = 0;  ///< of the part over the taught plane
+  double height_sigma_mm = 0;
   double ambient = 0;  ///< share of white
   double clipped = 0;  ///< share of the part's cells
   std::vector<Defect> defects;

@@ -1,9 +1,7 @@
 // brdfgate basis: trains a basis from measured materials and tells what a basis file is made of.
 #include <fmt/core.h>
+#include <fmt/format.h>
 
-#include <algorithm>
-#include <fstream>
-#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -24,8 +22,10 @@ namespace fs = std::filesystem;
 
 struct BuildOptions {
   std::vector<fs::path> materials;
+  std::vector<fs::path> refits;
   fs::path out;
   int components = 40;
+  int exemplars = 600;
   std::vector<int> grid{45, 45, 45};
   std::string leave_out;
   std::string licence;
@@ -33,22 +33,12 @@ struct BuildOptions {
   bool json = false;
 };
 
-std::string trimmed(const std::string& text) {
-  constexpr const char* kBlank = " \t\r\n";
-  const std::size_t first = text.find_first_not_of(kBlank);
-  return first == std::string::npos ? ""
-                                    : text.substr(first, text.find_last_not_of(kBlank) - first + 1);
-}
-
-void leave_out(std::map<std::string, fs::path>& materials, const std::string& list) {
-  std::string unknown;
-  for (const std::string& name : read_names(list)) {
-    if (materials.erase(name) == 0) unknown += (unknown.empty() ? "" : ", ") + name;
-  }
-  if (!unknown.empty()) {
-    throw InputError("--leave-out", "no material of the name " + unknown,
-                     "names of files under --materials");
-  }
+/// Each material once, whatever the number of its fits.
+std::string unique_names(const std::string& training_set) {
+  std::string list;
+  for (const std::string& name : read_names(training_set))
+    list += (list.empty() ? "" : ",") + name;
+  return list;
 }
 
 nlohmann::json to_json(const fs::path& file, const Basis& basis) {
@@ -62,6 +52,7 @@ nlohmann::json to_json(const fs::path& file, const Basis& basis) {
           {"valid_cells", info.valid_cells},
           {"components", info.components},
           {"observations", info.observations},
+          {"exemplars", info.exemplars},
           {"epsilon", info.epsilon},
           {"singular_values", std::vector<double>(s.data(), s.data() + s.size())},
           {"training_set", info.training_set},
@@ -86,36 +77,58 @@ void print_info(const fs::path& file, bool json) {
   fmt::print("  components    {} of {} observations, singular values {:.4g} to {:.4g}\n",
              info.components, info.observations, s[0], s[s.size() - 1]);
   fmt::print("  mapping       epsilon {}\n", info.epsilon);
-  fmt::print("  training set  {}\n", info.training_set);
+  fmt::print("  training set  {}\n", unique_names(info.training_set));
   fmt::print("  training hash {}\n", info.training_hash);
   fmt::print("  licence       {}\n", info.licence);
   fmt::print("  attribution   {}\n", info.attribution);
   fmt::print("  checksum      {}\n", info.checksum);
 }
 
-void build(const BuildOptions& options) {
-  std::map<std::string, fs::path> found = find_materials(options.materials);
+std::vector<TrainingMaterial> materials_of(const BuildOptions& options) {
+  MaterialFiles found = find_materials(options.materials);
   if (!options.leave_out.empty()) leave_out(found, options.leave_out);
-  std::vector<TrainingMaterial> materials;
-  materials.reserve(found.size());
-  for (const auto& [name, file] : found)
-    materials.push_back({name, file});
+  std::set<std::string> ignored;
+  std::vector<TrainingMaterial> materials = with_refits(found, options.refits, ignored);
+  if (!ignored.empty()) {
+    fmt::print(stderr, "refits of {} material(s) that are not trained on are ignored: {}\n",
+               ignored.size(), fmt::join(ignored, ", "));
+  }
+  return materials;
+}
+
+void build(const BuildOptions& options) {
+  const std::vector<TrainingMaterial> materials = materials_of(options);
   Progress progress("training", 1);
   TrainingOptions training;
   training.grid = {options.grid[0], options.grid[1], options.grid[2]};
   training.components = options.components;
+  training.exemplars.microfacet = options.exemplars / 3;
+  training.exemplars.recombined = options.exemplars - training.exemplars.microfacet;
   training.licence = options.licence;
   training.attribution = options.attribution;
   training.progress = [&progress](double share) { progress.update(share); };
+  training.checkpoint = options.out.string() + ".checkpoint";
+  training.message = [](const std::string& message) {
+    fmt::print(stderr, "training {}\n", message);
+  };
   train_basis(materials, training, options.out);
 }
 
 void add_build(CLI::App& basis, int& exit_code) {
   auto options = std::make_shared<BuildOptions>();
   CLI::App* command = basis.add_subcommand("build", "train a basis from MERL .binary files");
-  command->add_option("--materials", options->materials, "folders of MERL .binary files")
+  command
+      ->add_option("--materials", options->materials,
+                   "MERL .binary files: folders, files, lists of paths (one per line, # comments)")
       ->required();
+  command->add_option("--refit", options->refits,
+                      "second independent fits of the same materials, by file name");
   command->add_option("--out", options->out, "basis file to write")->required();
+  command
+      ->add_option("--exemplars", options->exemplars,
+                   "materials to derive from the training set for the method gp; 0: ridge only")
+      ->check(CLI::Range(0, 100000))
+      ->capture_default_str();
   command->add_option("--components", options->components, "principal components to keep")
       ->capture_default_str();
   command->add_option("--grid", options->grid, "cells along theta_h, theta_d, phi_d")
@@ -152,64 +165,13 @@ void add_info(CLI::App& basis, int& exit_code) {
 
 }  // namespace
 
-std::map<std::string, fs::path> find_materials(const std::vector<fs::path>& folders) {
-  std::map<std::string, fs::path> found;
-  for (const fs::path& folder : folders) {
-    if (!fs::is_directory(folder)) {
-      throw InputError(folder, "is no folder", "a folder of MERL .binary files");
-    }
-    std::size_t here = 0;
-    for (const auto& entry : fs::directory_iterator(folder)) {
-      if (entry.path().extension() != ".binary") continue;
-      ++here;
-      const auto [at, added] = found.emplace(entry.path().stem(), entry.path());
-      if (!added) {
-        throw InputError(entry.path(), "has the name of " + at->second.string(),
-                         "each material once");
-      }
-    }
-    if (here == 0) throw InputError(folder, "holds no MERL .binary file");
-  }
-  return found;
-}
-
-std::set<std::string> read_names(const std::string& list) {
-  std::string text = list;
-  std::error_code not_a_path;  // a long list is no valid file name
-  if (fs::is_regular_file(list, not_a_path)) {
-    std::ifstream in(list);
-    text.assign(std::istreambuf_iterator<char>(in), {});
-    std::replace(text.begin(), text.end(), '\n', ',');
-  }
-  std::set<std::string> names;
-  for (std::size_t start = 0; start <= text.size();) {
-    const std::size_t end = std::min(text.find(',', start), text.size());
-    const std::string name = trimmed(text.substr(start, end - start));
-    if (!name.empty()) names.insert(name);
-    start = end + 1;
-  }
-  return names;
-}
-
-void keep_only(std::map<std::string, fs::path>& materials, const std::string& list) {
-  std::map<std::string, fs::path> kept;
-  for (const std::string& name : read_names(list)) {
-    const auto found = materials.find(name);
-    if (found == materials.end()) {
-      throw InputError("--only", "no material of the name " + name,
-                       "names of files under --materials");
-    }
-    kept.insert(*found);
-  }
-  materials = std::move(kept);
-}
-
 void add_basis(CLI::App& tool, int& exit_code) {
   CLI::App* basis = tool.add_subcommand("basis", "the reflectance basis: build it, look into it");
   basis->require_subcommand(1);
   add_build(*basis, exit_code);
   add_info(*basis, exit_code);
   add_basis_validate(*basis, exit_code);
+  add_basis_goniometer(*basis, exit_code);
 }
 
 }  // namespace brdfgate

@@ -2,11 +2,13 @@
 #include <fmt/core.h>
 
 #include "app/commands/commands.hpp"
+#include "app/fit_export.hpp"
 #include "app/pictures.hpp"
 #include "app/progress.hpp"
 #include "app/result_json.hpp"
 #include "app/session.hpp"
 #include "app/stopwatch.hpp"
+#include "model/estimators.hpp"
 #include "model/reconstruction.hpp"
 
 namespace brdfgate {
@@ -17,7 +19,8 @@ struct InspectOptions {
   std::vector<std::filesystem::path> from;
   std::filesystem::path export_dir;
   std::filesystem::path evidence_dir;
-  std::string method = "ridge";
+  std::string fit;     ///< analytic model to export as well; empty: none
+  std::string method;  ///< empty: the configuration's
 };
 
 /// One folder for one recording; a folder of the recording's name in it where there are several.
@@ -76,6 +79,7 @@ nlohmann::json process(const InspectOptions& options, const Inspector& inspector
   if (!options.export_dir.empty()) {
     const auto dir = folder_for(options.export_dir, recording.name, several);
     brdfs = export_brdfs(dir, part, inspector.basis());
+    export_fits(dir, part, inspector.basis(), options.fit);
     json = part_to_json(recording.name, part.result, times, brdfs);
     write_text_file(dir / "result.json", result_document({json}).dump(2) + "\n");
   } else {
@@ -120,7 +124,8 @@ int inspect(const InspectOptions& options) {
 
 /// 0 where every part gave weights, else 3.
 int reconstruct(const InspectOptions& options) {
-  const StationConfig config = load_config(options.session);
+  StationConfig config = load_config(options.session);
+  if (!options.method.empty()) config.inspection.method = options.method;
   const Inspector inspector = load_inspector(config);
   bool all_measured = true;
   run(options, config, inspector, [&](const Capture& capture) {
@@ -143,6 +148,7 @@ void add_inspect(CLI::App& tool, int& exit_code) {
       ->required();
   command->add_option("--export-brdf", options->export_dir,
                       "write each cluster's BRDF and result.json here");
+  add_fit_option(*command, options->fit)->needs("--export-brdf");
   command->add_option("--evidence", options->evidence_dir, "write pictures here");
   command->callback([options, &exit_code] { exit_code = inspect(*options); });
 }
@@ -157,8 +163,10 @@ void add_reconstruct(CLI::App& tool, int& exit_code) {
       ->required();
   command->add_option("--out", options->export_dir, "folder for cluster_<n>.binary and result.json")
       ->required();
+  add_fit_option(*command, options->fit);
   command->add_option("--evidence", options->evidence_dir, "write pictures here");
-  command->add_option("--method", options->method, "estimator")->check(CLI::IsMember({"ridge"}));
+  command->add_option("--method", options->method, "estimator; else the configuration's")
+      ->check(CLI::IsMember(estimator_names()));
   command->callback([options, &exit_code] { exit_code = reconstruct(*options); });
 }
 

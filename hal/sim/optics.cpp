@@ -31,8 +31,8 @@ struct PlaneView {
   std::array<Vector3d, 1 + kRing> emitter;  ///< centre, then ring
 };
 
-std::array<Vector3d, 1 + kRing> disc_points(const Vector3d& centre_W, double radius) {
-  const Vector3d axis = -centre_W.normalized();
+std::array<Vector3d, 1 + kRing> disc_points(const Vector3d& centre_W, const Vector3d& axis,
+                                            double radius) {
   const Vector3d u = axis.unitOrthogonal();
   const Vector3d v = axis.cross(u);
   std::array<Vector3d, 1 + kRing> points;
@@ -45,13 +45,25 @@ std::array<Vector3d, 1 + kRing> disc_points(const Vector3d& centre_W, double rad
   return points;
 }
 
+/// One light of the bench.
+struct Emitter {
+  Vector3d centre_W;
+  Vector3d axis_W;  ///< the disc's normal
+};
+
+Emitter emitter_of(const SimBenchSettings& settings, std::size_t light) {
+  const Vector3d centre = settings.geometry.lights_W[light];
+  if (light >= settings.aim_W.size()) return {centre, -centre.normalized()};
+  return {centre, (settings.aim_W[light] - centre).normalized()};
+}
+
 PlaneView view_of(const Eigen::Isometry3d& X_WF, const SimBenchSettings& settings,
-                  const Vector3d& light_W) {
+                  const Emitter& light) {
   PlaneView view;
   view.X_FW = X_WF.inverse();
   view.eye = view.X_FW * settings.geometry.camera.position();
-  view.axis = view.X_FW.linear() * -light_W.normalized();
-  view.emitter = disc_points(light_W, settings.led_radius_m);
+  view.axis = view.X_FW.linear() * light.axis_W;
+  view.emitter = disc_points(light.centre_W, light.axis_W, settings.led_radius_m);
   for (Vector3d& p : view.emitter)
     p = view.X_FW * p;
   return view;
@@ -152,13 +164,15 @@ int colour_channel(Mosaic mosaic, int row, int column) {
 
 cv::Mat SimOptics::render_light(const PartSurface& part, const Eigen::Isometry3d& X_WP,
                                 LightIndex light) const {
-  const Vector3d light_W = settings_.geometry.lights_W[static_cast<std::size_t>(light - 1)];
-  const PlaneView on_part = view_of(X_WP, settings_, light_W);
-  const PlaneView on_fixture = view_of(Eigen::Isometry3d::Identity(), settings_, light_W);
-  const double distance = light_W.norm();
+  const Emitter emitter = emitter_of(settings_, static_cast<std::size_t>(light - 1));
+  const PlaneView on_part = view_of(X_WP, settings_, emitter);
+  const PlaneView on_fixture = view_of(Eigen::Isometry3d::Identity(), settings_, emitter);
+  const double distance = emitter.centre_W.norm();
   const double reach = kDiscReach * settings_.led_radius_m / distance;
-  // At the origin cos_e = 1 and cos_i = z / d.
-  const double centre_geometry = light_W.z() / std::pow(distance, 3);
+  // At the origin cos_i = z / d; cos_e = 1 where the light is aimed there.
+  const double cos_e =
+      settings_.aim_W.empty() ? 1 : emitter.axis_W.dot(-emitter.centre_W) / distance;
+  const double centre_geometry = cos_e * emitter.centre_W.z() / std::pow(distance, 3);
   const double gain = white_rate_e_s() / (sim_target::kWhiteReflectance / pi * centre_geometry);
   const Rgb fixture_f = settings_.fixture_albedo / pi;
   return shade_sensor(settings_, gain, [&](const Vector3d& ray_W) -> Rgb {
@@ -173,7 +187,7 @@ cv::Mat SimOptics::render_light(const PartSurface& part, const Eigen::Isometry3d
 
 cv::Mat SimOptics::render_ambient(const PartSurface& part, const Eigen::Isometry3d& X_WP,
                                   double share) const {
-  const Vector3d any_light = settings_.geometry.lights_W.front();
+  const Emitter any_light = emitter_of(settings_, 0);
   const PlaneView on_part = view_of(X_WP, settings_, any_light);
   const PlaneView on_fixture = view_of(Eigen::Isometry3d::Identity(), settings_, any_light);
   const double gain = share * white_rate_e_s() / sim_target::kWhiteReflectance;

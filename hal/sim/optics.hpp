@@ -19,13 +19,14 @@ int colour_channel(Mosaic mosaic, int row, int column);
 ///
 /// A pixel's rate is K L with L = f E the radiance that leaves the seen point toward the camera,
 /// E = I0 cos_e cos_i / d^2 the irradiance by the emitter, a Lambertian disc aimed at the world's
-/// origin, and K I0 such that a 0.99 Lambertian at the origin collects half of full_well_e in
-/// white_exposure_s under each light. Directions are taken in the seen surface's own frame. The
-/// disc is sampled at its centre, and at seven points where it is not small against the highlight.
+/// origin (or at settings.aim_W), and K I0 such that a 0.99 Lambertian at the origin collects half
+/// of full_well_e in white_exposure_s under each light. Directions are taken in the seen surface's
+/// own frame. The disc is sampled at its centre, and at seven points where it is not small against
+/// the highlight.
 ///
 /// Departures from a real bench: the natural cos^4 falloff of a lens is contained in the vignetting
 /// term 1 - vignetting (r / r_corner)^2, r from the principal point; nothing casts a shadow and
-/// nothing is lit by reflection; the lens is free of distortion.
+/// nothing is lit by reflection; the lens distorts as settings.geometry.camera says.
 class SimOptics {
  public:
   /// Keeps a reference to the settings.

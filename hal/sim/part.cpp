@@ -117,14 +117,6 @@ void check_defect(const SceneDefect& defect, std::size_t index) {
   }
 }
 
-bool on_white_square(const Eigen::Vector2d& p_P) {
-  using namespace sim_target;
-  const double x = p_P.x() / kBoardSquareM + kBoardSquaresX / 2.0;
-  const double y = p_P.y() / kBoardSquareM + kBoardSquaresY / 2.0;
-  if (x < 0 || y < 0 || x >= kBoardSquaresX || y >= kBoardSquaresY) return true;
-  return (static_cast<int>(x) + static_cast<int>(y)) % 2 != 0;
-}
-
 }  // namespace
 
 PartDraw draw_part(const Scene& scene, std::uint64_t seed, std::uint64_t index) {
@@ -178,6 +170,11 @@ PartSurface::PartSurface(const Scene& scene, const BrdfChange& variation) : targ
     case SceneTarget::board:
       add_material(lambert(sim_target::kBoardBlack), {});
       add_material(lambert(sim_target::kBoardWhite), {});
+      board_ = draw_board({.kind = scene.board,
+                           .squares_x = sim_target::kBoardSquaresX,
+                           .squares_y = sim_target::kBoardSquaresY,
+                           .square_m = sim_target::kBoardSquareM},
+                          static_cast<int>(sim_target::kBoardSquareM / sim_target::kBoardPitchM));
       return;
   }
 }
@@ -233,13 +230,29 @@ bool PartSurface::covers(const Eigen::Vector2d& p_P) const {
 }
 
 std::size_t PartSurface::material_at(const Eigen::Vector2d& p_P) const {
-  if (target_ == SceneTarget::board) return on_white_square(p_P) ? 1 : 0;
   if (regions_.empty()) return 0;
   const Eigen::Array2d unit = p_P.array() / size_m_.array() + 0.5;
   const int column = static_cast<int>(unit.x() * regions_.cols);
   const int row = static_cast<int>((1 - unit.y()) * regions_.rows);
   return regions_.at<std::uint8_t>(std::clamp(row, 0, regions_.rows - 1),
                                    std::clamp(column, 0, regions_.cols - 1));
+}
+
+double PartSurface::board_whiteness(const Eigen::Vector2d& p_P) const {
+  const double x = p_P.x() / sim_target::kBoardPitchM + (board_.cols - 1) / 2.0;
+  const double y = (board_.rows - 1) / 2.0 - p_P.y() / sim_target::kBoardPitchM;
+  const auto dot = [&](int column, int row) {
+    const bool inside = column >= 0 && row >= 0 && column < board_.cols && row < board_.rows;
+    return inside ? board_.at<std::uint8_t>(row, column) / 255.0 : 1.0;
+  };
+  const double left = std::clamp(std::floor(x), -2.0, board_.cols + 1.0);
+  const double top = std::clamp(std::floor(y), -2.0, board_.rows + 1.0);
+  const int i = static_cast<int>(left);
+  const int j = static_cast<int>(top);
+  const double a = std::clamp(x - left, 0.0, 1.0);
+  const double b = std::clamp(y - top, 0.0, 1.0);
+  return (1 - b) * ((1 - a) * dot(i, j) + a * dot(i + 1, j)) +
+         b * ((1 - a) * dot(i, j + 1) + a * dot(i + 1, j + 1));
 }
 
 double PartSurface::coverage(const Defect& defect, const Eigen::Vector2d& p_P) {
@@ -253,6 +266,11 @@ double PartSurface::coverage(const Defect& defect, const Eigen::Vector2d& p_P) {
 }
 
 Rgb PartSurface::f(const Eigen::Vector2d& p_P, const HalfDiff& angles) const {
+  if (target_ == SceneTarget::board) {
+    const double white = board_whiteness(p_P);
+    return (1 - white) * materials_[0].brdf->eval(angles) +
+           white * materials_[1].brdf->eval(angles);
+  }
   const Material& material = materials_[material_at(p_P)];
   if (defects_.empty()) return material.brdf->eval(angles);
   Rgb diffuse = material.brdf->diffuse(angles.theta_d);
@@ -278,6 +296,10 @@ Rgb PartSurface::f(const Eigen::Vector2d& p_P, const HalfDiff& angles) const {
 }
 
 Rgb PartSurface::ambient_reflectance(const Eigen::Vector2d& p_P) const {
+  if (target_ == SceneTarget::board) {
+    const double white = board_whiteness(p_P);
+    return (1 - white) * materials_[0].ambient_diffuse + white * materials_[1].ambient_diffuse;
+  }
   const Material& material = materials_[material_at(p_P)];
   Rgb diffuse = material.ambient_diffuse;
   Rgb specular = material.ambient_specular;

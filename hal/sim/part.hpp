@@ -19,12 +19,12 @@ inline constexpr double kBlackReflectance = 0.005;
 /// With this roughness its highlight stays under full well in the shortest default exposure.
 inline constexpr double kMirrorF0 = 0.0488;
 inline constexpr double kMirrorAlpha = 0.015;
-/// Checkerboard centred on the part's origin: squares along x and y, so one inner corner fewer each
-/// way; an odd and an even number, so that half a turn does not map it onto itself. The square at
-/// the lowest x and y is black; around the squares the plate is white.
+/// Board centred on the part's origin (model/board.hpp): squares along x and y, so one inner corner
+/// fewer each way. Its edges fade over kBoardPitchM, as a pixel's own width would make them.
 inline constexpr int kBoardSquaresX = 10;
 inline constexpr int kBoardSquaresY = 7;
 inline constexpr double kBoardSquareM = 0.008;
+inline constexpr double kBoardPitchM = 0.0001;  ///< of the printed pattern's dots
 inline constexpr double kBoardWhite = 0.9;
 inline constexpr double kBoardBlack = 0.03;
 }  // namespace sim_target
@@ -88,12 +88,15 @@ class PartSurface {
   void add_defects(const Scene& scene);
   void add_material(const BrdfPtr& base, const BrdfChange& change);
   std::size_t material_at(const Eigen::Vector2d& p_P) const;
+  /// 0 on a black square of the board, 1 on a white one and around.
+  double board_whiteness(const Eigen::Vector2d& p_P) const;
   static double coverage(const Defect& defect, const Eigen::Vector2d& p_P);
 
   SceneTarget target_;
   bool present_ = true;
   Eigen::Vector2d size_m_ = Eigen::Vector2d::Zero();  ///< of a part
   cv::Mat regions_;
+  cv::Mat board_;  ///< CV_8UC1 of the board's pattern, row 0 at its highest y
   std::vector<Material> materials_;
   std::vector<Defect> defects_;
 };

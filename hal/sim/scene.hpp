@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "model/analytic.hpp"
+#include "model/board.hpp"
 
 namespace brdfgate {
 
@@ -41,6 +42,7 @@ struct SceneDefect {
 
 struct Scene {
   SceneTarget target = SceneTarget::part;
+  BoardKind board = BoardKind::checker;  ///< what is printed on the board
   bool lights_on = true;
   std::array<double, 2> part_size_mm{80, 80};
   bool present = true;

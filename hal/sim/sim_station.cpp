@@ -1,7 +1,9 @@
 #include "hal/sim/sim_station.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <deque>
+#include <numbers>
 #include <string>
 
 #include "hal/sim/bench.hpp"
@@ -95,6 +97,23 @@ struct SimStation::Bench {
   SimTrigger trigger{shared.trigger_line};
   Drawn drawn;
 };
+
+StationGeometry deviated(const StationGeometry& nominal, const SimDeviation& deviation) {
+  constexpr double kDeg = std::numbers::pi / 180;
+  StationGeometry built = nominal;
+  built.camera.X_WC.translation() += deviation.camera_m;
+  built.camera.X_WC.linear() *=
+      (Eigen::AngleAxisd(deviation.camera_deg.z() * kDeg, Eigen::Vector3d::UnitZ()) *
+       Eigen::AngleAxisd(deviation.camera_deg.y() * kDeg, Eigen::Vector3d::UnitY()) *
+       Eigen::AngleAxisd(deviation.camera_deg.x() * kDeg, Eigen::Vector3d::UnitX()))
+          .toRotationMatrix();
+  built.camera.focal_px *= 1 + deviation.focal;
+  built.camera.centre_px += deviation.centre_px;
+  built.camera.distortion = deviation.distortion;
+  for (std::size_t l = 0; l < std::min(built.lights_W.size(), deviation.lights_m.size()); ++l)
+    built.lights_W[l] += deviation.lights_m[l];
+  return built;
+}
 
 SimStation::SimStation(const SimBenchSettings& settings)
     : bench_(std::make_unique<Bench>(settings)) {}

@@ -12,6 +12,21 @@
 
 namespace brdfgate {
 
+/// How the simulated bench is built other than drawn: what a calibration has to find. Nothing by
+/// default. Camera and lights deviate from the nominal rig, the world (the nest) stays.
+struct SimDeviation {
+  Eigen::Vector3d camera_m = Eigen::Vector3d::Zero();    ///< shift of the camera, in W
+  Eigen::Vector3d camera_deg = Eigen::Vector3d::Zero();  ///< turn about its own x, then y, then z
+  double focal = 0;                                      ///< relative change of the focal length
+  Eigen::Vector2d centre_px = Eigen::Vector2d::Zero();
+  LensDistortion distortion;
+  std::vector<Eigen::Vector3d> lights_m;  ///< shift of each light in W; empty: none
+  std::vector<Eigen::Vector3d> aim_m;     ///< where each light points, in W; empty: the origin
+  bool operator==(const SimDeviation&) const = default;
+};
+/// The geometry as built.
+StationGeometry deviated(const StationGeometry& nominal, const SimDeviation& deviation);
+
 /// Physical properties of the simulated bench, fixed for its life.
 struct SimBenchSettings {
   SensorFormat sensor;
@@ -21,11 +36,13 @@ struct SimBenchSettings {
   double line_time_s = 14.8e-6;  ///< exposures are whole lines, at least one
   double vignetting =
       0.15;  ///< loss of signal at the image's corner, growing with the square of the radius
-  StationGeometry geometry;      ///< true positions
-  double led_radius_m = 0.0005;  ///< emitter's disc
+  StationGeometry geometry;              ///< true positions
+  std::vector<Eigen::Vector3d> aim_W{};  ///< where each light points; empty: the origin
+  double led_radius_m = 0.0005;          ///< emitter's disc
   double white_exposure_s =
       0.008;  ///< a 0.99 Lambertian at the centre reaches half of full well in this
   Rgb fixture_albedo{0.01, 0.25, 0.40};
+  SimDeviation deviation{};  ///< what geometry and aim_W were made with: for the record
 };
 
 /// Bench, camera and lights. A light that was not switched on leaves the frame dark. Deterministic:

@@ -167,7 +167,8 @@ TEST_CASE("Every rule of a scene file complains at its place with its path") {
       {"lambert: [0.2, 0.3, 0.4]", "lamber: [0.2]", "lamber", "materials[0].lamber",
        "did you mean 'lambert'?"},
       {"{name: print, lambert: [0.2, 0.3, 0.4]}", "{name: print}", "{name: print}", "materials[0]",
-       "no model; expected exactly one of brdf, lambert, ggx, abc, sgd"},
+       "no model; expected exactly one of brdf, abc, sgd, lambert, phong, blinn_phong, ward, ggx, "
+       "beckmann, blend"},
       {"name: print,", "name: print, brdf: a.binary,", "{name: print, brdf", "materials[0]",
        "both brdf and lambert"},
       {"name: trim", "name: print", "print, ggx", "materials[1].name", "'print' a second time"},

@@ -122,7 +122,7 @@ TEST_CASE("Every rule of the station file complains at its place with its path")
       {"albedo: [0.01,", "albedo: [1.01,", "1.01", "inspection.fixture.albedo[0]", "0..1"},
       {"tolerance: 0.25}", "tolerance: 0}", "0}", "inspection.fixture.tolerance", "above 0"},
       {"max_clusters: 8", "max_clusters: 9", "9\n", "inspection.max_clusters", "1..8"},
-      {"method: ridge", "method: lasso", "lasso", "inspection.method", "expected ridge"},
+      {"method: ridge", "method: lasso", "lasso", "inspection.method", "expected one of gp, ridge"},
       {"eta: 40", "eta: 0", "0\n", "inspection.eta", "above 0"},
       {"mosaic: rggb", "mosaic: mono", "linear_srgb_d65", "inspection.colour",
        "a mono sensor measures no colour"},

@@ -7,10 +7,12 @@
 #include "catch.hpp"
 #include "model/analytic.hpp"
 #include "model/colour.hpp"
+#include "support/directional_albedo.hpp"
 #include "support/input_error.hpp"
 
 using namespace brdfgate;
 using brdfgate::test::contains;
+using brdfgate::test::directional_albedo;
 using brdfgate::test::input_error;
 
 namespace {
@@ -58,29 +60,6 @@ SgdParameters alum_bronze_sgd() {
   p.k = Rgb(47.783, 36.2767, 31.6066);
   p.theta0 = Rgb(0.205635, 0.066289, -0.0661091);
   return p;
-}
-
-/// Directional albedo: the integral of f cos_o over wo, in coordinates around the mirror direction.
-double directional_albedo(const Brdf& brdf, double theta_i) {
-  // Over half vectors: d wo = 4 (wi . h) d h; theta_h squeezed toward 0, where the lobe is.
-  constexpr int kSteps = 400;
-  const Eigen::Vector3d wi(std::sin(theta_i), 0, std::cos(theta_i));
-  double sum = 0;
-  for (int i = 0; i < kSteps; ++i) {
-    const double t = (i + 0.5) / kSteps;
-    const double theta = t * t * t * kPi / 2;
-    const double d_theta = 3 * t * t * kPi / 2 / kSteps;
-    for (int j = 0; j < kSteps; ++j) {
-      const double phi = (j + 0.5) * 2 * kPi / kSteps;
-      const Eigen::Vector3d h(std::sin(theta) * std::cos(phi), std::sin(theta) * std::sin(phi),
-                              std::cos(theta));
-      const Eigen::Vector3d wo = 2 * wi.dot(h) * h - wi;
-      if (wo.z() <= 0 || wi.dot(h) <= 0) continue;
-      sum += brdf.specular(to_half_diff({wi, wo}))[0] * wo.z() * 4 * wi.dot(h) * std::sin(theta) *
-             d_theta * 2 * kPi / kSteps;
-    }
-  }
-  return sum;
 }
 
 }  // namespace

@@ -79,7 +79,7 @@ void put(std::string& payload, std::size_t offset, T value) {
 
 TEST_CASE("a basis file says what it was made of") {
   const BasisInfo& info = shared_small_basis()->info();
-  CHECK(info.version == 1);
+  CHECK(info.version == 2);
   CHECK(info.grid == BasisGrid{24, 12, 12});
   CHECK(info.components == 12);
   CHECK(info.observations == 27);
@@ -182,7 +182,7 @@ TEST_CASE("a damaged or foreign basis file is refused by the field that is wrong
       {"size", good.substr(0, good.size() - 1)},
       {"size", good + '\0'},
       {"checksum", flipped},
-      {"version", with_line("version", "2")},
+      {"version", with_line("version", "1")},
       {"grid", with_line("grid", "24 12")},
       {"grid", with_line("grid", "24 12 x")},
       {"grid", with_line("grid", "24 12 -12")},

@@ -2,7 +2,9 @@
 #include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
+#include <stdexcept>
 #include <vector>
 
 #include "catch.hpp"
@@ -11,6 +13,7 @@
 #include "model/mapping.hpp"
 #include "model/merl.hpp"
 #include "support/input_error.hpp"
+#include "support/merl_files.hpp"
 #include "support/small_basis.hpp"
 
 using namespace brdfgate;
@@ -166,44 +169,154 @@ TEST_CASE("training is deterministic and tells its progress") {
   CHECK(told[47] == 1.0);
 }
 
-TEST_CASE("a basis from MERL files is that from the materials in them") {
-  const TempDir dir;
-  const auto all = test::small_training_set();
-  std::vector<NamedBrdf> opened;
-  std::vector<TrainingMaterial> files;
-  for (const std::size_t i : {1, 3, 8}) {
-    MerlTable table;
-    for (int h = 0; h < 90; ++h) {
-      for (int d = 0; d < 90; ++d) {
-        for (int p = 0; p < 180; ++p) {
-          const HalfDiff at = MerlFormat::centre(h, d, p);
-          if (!cosines(at).above_horizon()) continue;
-          const Rgb f = all[i].brdf->eval(at);
-          for (std::size_t c = 0; c < 3; ++c)
-            table.f[c][MerlFormat::cell(h, d, p)] = f[static_cast<Eigen::Index>(c)];
-        }
-      }
-    }
-    const auto file = dir / (all[i].name + ".binary");
-    write_merl(file, table);
-    files.push_back({all[i].name, file});
-    opened.push_back({all[i].name, MerlBrdf::open(file)});
+namespace {
+
+/// Three materials as MERL files, and a second fit of the first: written once.
+struct Files {
+  TempDir dir;
+  std::vector<TrainingMaterial> fits;
+  Files() {
+    const auto all = test::small_training_set();
+    for (const std::size_t i : {1, 3, 8})
+      fits.push_back(
+          {all[i].name, test::write_merl_file(dir / (all[i].name + ".binary"), *all[i].brdf)});
+    fits.push_back({all[1].name, test::write_merl_file(dir / "refit.binary", *all[2].brdf), 1});
   }
+};
+const std::vector<TrainingMaterial>& all_fits() {
+  static const Files made;
+  return made.fits;
+}
+std::vector<TrainingMaterial> first_fit() {
+  return {all_fits().begin(), all_fits().begin() + 3};
+}
+
+TrainingOptions file_options() {
   auto options = test::small_training_options(5);
   options.grid = {12, 8, 8};
-  train_basis(files, options, dir / "files.basis");
-  train_basis(opened, options, dir / "opened.basis");
+  return options;
+}
+
+struct Interrupted : std::runtime_error {
+  Interrupted() : std::runtime_error("interrupted") {}
+};
+
+}  // namespace
+
+TEST_CASE("a basis from MERL files is that from the materials in them") {
+  const TempDir dir;
+  std::vector<NamedBrdf> opened;
+  for (const TrainingMaterial& m : first_fit())
+    opened.push_back({m.name, MerlBrdf::open(m.file)});
+  train_basis(first_fit(), file_options(), dir / "files.basis");
+  train_basis(opened, file_options(), dir / "opened.basis");
   const auto a = Basis::open(dir / "files.basis");
   const auto b = Basis::open(dir / "opened.basis");
   CHECK(a->info().checksum == b->info().checksum);
   CHECK(a->info().training_hash != b->info().training_hash);  // files' bytes; sampled values
-  files.push_back(files.front());
-  CHECK(
-      contains(input_error([&] { train_basis(files, options, dir / "c.basis"); }), files[0].name));
-  files.back() = {"gone", dir / "gone.binary"};
-  CHECK(
-      contains(input_error([&] { train_basis(files, options, dir / "c.basis"); }), "gone.binary"));
-  CHECK_FALSE(std::filesystem::exists(dir / "c.basis"));
+}
+
+TEST_CASE("a second fit adds three observations and another hash; twice in one fit is refused") {
+  const TempDir dir;
+  train_basis(first_fit(), file_options(), dir / "one.basis");
+  train_basis(all_fits(), file_options(), dir / "two.basis");
+  const auto one = Basis::open(dir / "one.basis")->info();
+  const auto two = Basis::open(dir / "two.basis")->info();
+  CHECK(one.observations == 9);
+  CHECK(two.observations == 12);
+  CHECK(two.training_set == one.training_set + "," + first_fit()[0].name);
+  CHECK(two.training_hash != one.training_hash);
+  auto twice = all_fits();
+  twice.back().fit = 0;
+  const std::string error =
+      input_error([&] { train_basis(twice, file_options(), dir / "c.basis"); });
+  CHECK(contains(error, "'" + twice.back().name + "'"));
+  CHECK(contains(error, "once per fit"));
+}
+
+TEST_CASE("an interrupted training goes on to the same file and removes its checkpoint") {
+  const TempDir dir;
+  auto options = file_options();
+  train_basis(first_fit(), options, dir / "whole.basis");
+  options.checkpoint = dir / "a.basis.checkpoint";
+  std::string message;
+  options.message = [&](const std::string& m) { message += m; };
+  for (const double share : {0.3, 0.7}) {  // in the first pass, in the second
+    options.progress = [share](double done) {
+      if (done > share) throw Interrupted();
+    };
+    CHECK_THROWS_AS(train_basis(first_fit(), options, dir / "a.basis"), Interrupted);
+    CHECK(std::filesystem::exists(options.checkpoint));
+    CHECK_FALSE(std::filesystem::exists(dir / "a.basis"));
+  }
+  options.progress = nullptr;
+  // Other materials do not go on from it.
+  message.clear();
+  auto others = options;
+  others.checkpoint = dir / "b.basis.checkpoint";
+  std::filesystem::copy(options.checkpoint, others.checkpoint);
+  train_basis(all_fits(), others, dir / "b.basis");
+  CHECK(contains(message, "starts anew"));
+  message.clear();
+  train_basis(first_fit(), options, dir / "a.basis");
+  CHECK(contains(message, "goes on after slab 12"));
+  CHECK(bytes_of(dir / "a.basis") == bytes_of(dir / "whole.basis"));
+  CHECK_FALSE(std::filesystem::exists(options.checkpoint));
+}
+
+TEST_CASE("unusable MERL files are refused by name, and nothing is written") {
+  const TempDir dir;
+  const std::size_t inside = MerlFormat::cell(40, 20, 90);
+  const std::size_t below = MerlFormat::cell(89, 89, 90);
+  // The values of a file, one of them replaced.
+  const auto with_value = [&](std::size_t cell, double value) {
+    const MappedFile whole(first_fit()[0].file);
+    std::string bytes(reinterpret_cast<const char*>(whole.bytes().data()), whole.bytes().size());
+    std::memcpy(bytes.data() + 12 + cell * sizeof value, &value, sizeof value);
+    return bytes;
+  };
+  const auto error_with = [&](const std::string& bytes) {
+    auto set = first_fit();
+    set.push_back({"bad", dir.write("bad.binary", bytes)});
+    const std::string error =
+        input_error([&] { train_basis(set, file_options(), dir / "out.basis"); });
+    CHECK(std::filesystem::remove(dir / "out.basis") == (error == "(no error)"));
+    return error;
+  };
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  for (const auto& [bytes, says] : std::vector<std::pair<std::string, std::string>>{
+           {with_value(inside, nan), "nan"},
+           {with_value(inside, -0.25), "-0.25"},
+           {with_value(0, 1).substr(0, 1000000), "truncated"},
+           {"", "no MERL"}}) {
+    const std::string error = error_with(bytes);
+    CHECK(contains(error, "bad.binary"));
+    CHECK(contains(error, says));
+  }
+  CHECK(error_with(with_value(below, -7)) == "(no error)");   // below the horizon nobody looks
+  CHECK(error_with(with_value(inside, -1)) == "(no error)");  // a missing cell
+}
+
+TEST_CASE("MERL files with nothing, or too little, above the horizon are refused") {
+  const TempDir dir;
+  MerlTable table = test::merl_table(*test::small_training_set()[1].brdf);
+  const auto error = [&] {
+    write_merl(dir / "bad.binary", table);
+    auto set = first_fit();
+    set.push_back({"bad", dir / "bad.binary"});
+    return input_error([&] { train_basis(set, file_options(), dir / "out.basis"); });
+  };
+  std::fill_n(table.f[1].begin(), MerlFormat::kCells / 5, -1.0);
+  CHECK(contains(error(), "channel 1 lacks"));
+  table.f[1].assign(MerlFormat::kCells, -1.0);
+  CHECK(contains(error(), "channel 1 has no valid cell"));
+  const std::string gone = input_error([&] {
+    auto set = first_fit();
+    set.push_back({"gone", dir / "gone.binary"});
+    train_basis(set, file_options(), dir / "out.basis");
+  });
+  CHECK(contains(gone, "gone.binary"));
+  CHECK_FALSE(std::filesystem::exists(dir / "out.basis"));
 }
 
 TEST_CASE("a basis with cells up to the horizon opens again and has rows there") {

@@ -171,3 +171,18 @@ TEST_CASE("an impossible rig is refused by its field") {
   CHECK(test::contains(
       test::input_error([&] { return make_geometry(default_rig(), SensorFormat{}); }), "0 x 0"));
 }
+
+TEST_CASE("a distorting lens maps there and back, and projects as OpenCV's formula says") {
+  LensDistortion lens{.k1 = -0.2, .k2 = 0.08, .p1 = 0.001, .p2 = -0.002, .k3 = 0.01};
+  for (const double x : {-0.3, 0.0, 0.25}) {
+    for (const double y : {-0.2, 0.1, 0.3}) {
+      const Eigen::Vector2d ideal(x, y);
+      CHECK((lens.remove(lens.apply(ideal)) - ideal).norm() < 1e-11);
+    }
+  }
+  // Radius 0.5 along x: 0.5 (1 - 0.2/4 + 0.08/16 + 0.01/64) + p2 (0.25 + 2 * 0.25).
+  const Eigen::Vector2d edge = lens.apply({0.5, 0});
+  CHECK(edge.x() == Approx(0.5 * (1 - 0.05 + 0.005 + 0.01 / 64) - 0.002 * 0.75));
+  CHECK(edge.y() == Approx(0.001 * 0.25));
+  CHECK(LensDistortion{}.none());
+}

@@ -1,0 +1,60 @@
+// What a calibration's head may say besides, and that files without it stay as they were.
+#include "app/calibration_head.hpp"
+#include "catch.hpp"
+#include "support/input_error.hpp"
+
+using namespace brdfgate;
+
+namespace {
+
+Calibration plain() {
+  Calibration c;
+  c.sensor = {64, 40, 10, Mosaic::rggb, 60, 1023};
+  c.noise = {0.0963, 0.3};
+  NominalRig rig;
+  rig.lights = {{55, 180, 0.3}, {20, 0, 0.3}};
+  c.geometry = make_geometry(rig, c.sensor);
+  return c;
+}
+
+std::string text_of(const Calibration& c) {
+  return calibration_head_text(c, {1, 1});
+}
+
+Calibration parsed(const std::string& text) {
+  return parse_calibration_head(with_checksum(text, "00"), "head").calibration;
+}
+
+}  // namespace
+
+TEST_CASE("a calibration without a fitted geometry says nothing that old files did not") {
+  const std::string text = text_of(plain());
+  for (const char* key : {"source", "distortion", "certificate", "stray"})
+    CHECK_THAT(text, !Catch::Contains(key));
+}
+
+TEST_CASE("lens, sources, certificate and stray light come back from a head") {
+  Calibration c = plain();
+  c.geometry.camera.distortion = {-0.08, 0.1, 0.0005, -0.0004, 0.01};
+  c.quality.camera = {GeometrySource::fitted, 0.0009, 0.123};
+  c.quality.lights = {{GeometrySource::by_hand, 0.001, 0}, {}};
+  c.certificate = {"SRT-99-020", "2026-01-02", "2027-01-02"};
+  c.stray_share = {0.005, -0.0001};
+  const Calibration r = parsed(text_of(c));
+  CHECK(r.geometry.camera.distortion == c.geometry.camera.distortion);
+  CHECK(r.quality.camera == c.quality.camera);
+  CHECK(r.quality.lights == c.quality.lights);
+  CHECK(r.certificate == c.certificate);
+  CHECK(r.stray_share == c.stray_share);
+  CHECK(text_of(r) == text_of(c));
+}
+
+TEST_CASE("a head's new fields are checked like its old ones") {
+  Calibration c = plain();
+  c.quality.camera = {GeometrySource::fitted, 0.0009, 0.123};
+  std::string text = text_of(c);
+  const auto at = text.find("fitted");
+  REQUIRE(at != std::string::npos);
+  text.replace(at, 6, "dreamt");
+  CHECK_THAT(test::input_error([&] { return parsed(text); }), Catch::Contains("source"));
+}

@@ -118,6 +118,8 @@ class Fitter {
     options.num_threads = 1;  // sums in one order: the same result everywhere
     options.logging_type = ceres::SILENT;
     ceres::Solver::Summary summary;
+    // A step that fails is tried again with more damping: nothing for stderr.
+    FLAGS_minloglevel = google::GLOG_ERROR;
     ceres::Solve(options, &problem_, &summary);
     return summary.final_cost;
   }

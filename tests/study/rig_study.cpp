@@ -57,7 +57,7 @@ std::vector<Sightline> rig() {
 /// Truth on the cells of a 45 x 45 x 45 grid, and the basis' rows there.
 class Evaluation {
  public:
-  explicit Evaluation(const Basis& basis) : basis_(basis) {
+  explicit Evaluation(const Basis& basis) {
     constexpr BasisGrid kGrid{45, 45, 45};
     for (int h = 0; h < kGrid.theta_h; ++h) {
       for (int d = 0; d < kGrid.theta_d; ++d) {
@@ -89,7 +89,6 @@ class Evaluation {
   }
 
  private:
-  const Basis& basis_;
   std::vector<HalfDiff> cells_;
   BasisRows rows_;
   Eigen::LDLT<Eigen::MatrixXd> factor_;

@@ -79,7 +79,7 @@ TEST_CASE("each model finds its own parameters from a whole table") {
 }
 
 TEST_CASE("the L1 fit passes by outliers that a least-squares fit follows") {
-  const Lobe truth = kMaterials[4];
+  const Lobe& truth = kMaterials[4];
   const BinnedSamples samples = with_outliers(seen_by_rig(truth));
   check_same(fit_lobe(truth.model, samples).lobe, truth, 0.05);
   const Lobe pulled = lobe_posterior(truth.model, samples).fit.lobe;
@@ -87,7 +87,7 @@ TEST_CASE("the L1 fit passes by outliers that a least-squares fit follows") {
 }
 
 TEST_CASE("C.I's three stages leave the diffuse level of the first; the last stage mends it") {
-  const Lobe truth = kMaterials[6];
+  const Lobe& truth = kMaterials[6];
   const BinnedSamples samples = seen_by_rig(truth);
   LobeFitOptions paper;
   paper.polish = false;
@@ -107,7 +107,7 @@ TEST_CASE("a fit is the same every time") {
 }
 
 TEST_CASE("bins known to be noisy count for little") {
-  const Lobe truth = kMaterials[0];
+  const Lobe& truth = kMaterials[0];
   BinnedSamples samples = seen_by_rig(truth);
   for (std::size_t j = 0; j < samples.bins.size(); ++j) {
     if (j % 5 < 2) continue;  // three bins in five are far off, and say so

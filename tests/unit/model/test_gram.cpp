@@ -1,4 +1,6 @@
 #include <algorithm>
+#include <bit>
+#include <cstdint>
 #include <cstring>
 #include <opencv2/core/utility.hpp>
 #include <stdexcept>
@@ -23,8 +25,9 @@ std::string bytes_of(const std::filesystem::path& file) {
 /// Bit by bit, so that -0 and 0 differ.
 bool same_bits(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
   return a.rows() == b.rows() && a.cols() == b.cols() &&
-         std::equal(a.data(), a.data() + a.size(), b.data(),
-                    [](double x, double y) { return std::memcmp(&x, &y, sizeof x) == 0; });
+         std::equal(a.data(), a.data() + a.size(), b.data(), [](double x, double y) {
+           return std::bit_cast<std::uint64_t>(x) == std::bit_cast<std::uint64_t>(y);
+         });
 }
 
 /// OpenCV's number of threads for the life of the object.

@@ -53,7 +53,7 @@ Decomposition decompose(const Eigen::MatrixXd& gram, int components) {
 }
 
 /// The arrays of the file while they grow slab by slab.
-struct Arrays {
+struct BasisArrays {
   Eigen::VectorXd singular_values;
   std::vector<std::uint8_t> validity;
   std::vector<float> mean;
@@ -117,10 +117,10 @@ Eigen::MatrixXd project_slab(const Slab& slab, const Eigen::MatrixXd& u) {
   return q;
 }
 
-Arrays project(const TrainingSources& sources, const Decomposition& basis,
-               const TrainingOptions& options) {
+BasisArrays project(const TrainingSources& sources, const Decomposition& basis,
+                    const TrainingOptions& options) {
   const BasisGrid& grid = options.grid;
-  Arrays arrays;
+  BasisArrays arrays;
   arrays.singular_values = basis.s;
   arrays.training_weights = basis.u.cast<float>();
   arrays.validity.assign(grid.cells(), 0);
@@ -145,7 +145,7 @@ Arrays project(const TrainingSources& sources, const Decomposition& basis,
 /// Row after row, as the file has them.
 using FileRows = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-std::vector<std::byte> payload_of(const Arrays& arrays, const BasisInfo& info) {
+std::vector<std::byte> payload_of(const BasisArrays& arrays, const BasisInfo& info) {
   const BasisLayout at = basis_layout(info);
   std::vector<std::byte> payload(at.size);
   const auto put = [&](std::size_t offset, const auto* values, std::size_t count) {
@@ -168,7 +168,7 @@ std::vector<std::byte> payload_of(const Arrays& arrays, const BasisInfo& info) {
   return payload;
 }
 
-void write_basis(const Arrays& arrays, BasisInfo info, const std::filesystem::path& out) {
+void write_basis(const BasisArrays& arrays, BasisInfo info, const std::filesystem::path& out) {
   info.exemplars = static_cast<int>(arrays.exemplars.size());
   const std::vector<std::byte> payload = payload_of(arrays, info);
   info.checksum = sha256_hex(payload);
@@ -181,7 +181,7 @@ void write_basis(const Arrays& arrays, BasisInfo info, const std::filesystem::pa
 
 /// Exemplars are derived from the basis as a reader of the file sees it: half floats and grid
 /// included. So the basis is written and read once without them.
-void add_exemplars(Arrays& arrays, const BasisInfo& info, const ExemplarCounts& counts,
+void add_exemplars(BasisArrays& arrays, const BasisInfo& info, const ExemplarCounts& counts,
                    const std::filesystem::path& out) {
   if (counts.total() == 0) return;
   const std::filesystem::path draft = out.string() + ".draft";
@@ -196,7 +196,7 @@ void train(const TrainingSources& sources, const TrainingOptions& options,
            const std::filesystem::path& out) {
   static_cast<void>(AtomicFile(out));  // an unwritable place is known before the work
   const GramState gram = accumulate_gram(sources, options.grid, gram_options(sources, options));
-  Arrays arrays = project(sources, decompose(gram.gram, options.components), options);
+  BasisArrays arrays = project(sources, decompose(gram.gram, options.components), options);
   BasisInfo info;
   info.grid = options.grid;
   info.valid_cells = arrays.mean.size();

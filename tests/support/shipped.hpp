@@ -1,4 +1,5 @@
-// Files as text, and the YAML files that the project ships, found from the sources' own place.
+// Files as text, and the YAML files that the project ships, found above the running program: builds
+// lie inside the checkout, and paths compiled in are relative where a compiler cache is shared.
 #pragma once
 
 #include <filesystem>
@@ -11,8 +12,12 @@
 namespace brdfgate::test {
 
 inline std::filesystem::path shipped_file(std::string_view name) {
-  const std::filesystem::path here = std::filesystem::absolute(__FILE__);
-  return (here.parent_path() / "../../config" / name).lexically_normal();
+  const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe");
+  for (std::filesystem::path dir = program.parent_path(); dir.has_relative_path();
+       dir = dir.parent_path()) {
+    if (std::filesystem::exists(dir / "config/station.yaml")) return dir / "config" / name;
+  }
+  throw std::runtime_error("no config/station.yaml above " + program.string());
 }
 
 inline std::string read_text_file(const std::filesystem::path& file) {

@@ -6,6 +6,7 @@
 #include "catch.hpp"
 #include "config/register_map.hpp"
 #include "support/input_error.hpp"
+#include "support/shipped.hpp"
 
 using namespace brdfgate;
 using namespace brdfgate::test;
@@ -26,7 +27,7 @@ std::string read(const std::filesystem::path& file) {
 }
 
 std::filesystem::path source_root() {
-  return std::filesystem::path(__FILE__).parent_path() / ".." / ".." / "..";
+  return shipped_file("..");
 }
 
 }  // namespace

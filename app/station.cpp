@@ -53,8 +53,11 @@ std::unique_ptr<Station> open_station(const StationConfig& config) {
   switch (config.camera.backend) {
     case CameraBackend::simulated:
       return std::make_unique<SimulatedBench>(config);
+    case CameraBackend::v4l2:
+    case CameraBackend::libcamera:
+      break;
   }
-  throw InputError("camera.backend", "unknown backend", "simulated");
+  throw InputError("camera.backend", "a real camera needs real lights", "simulated");
 }
 
 Capture capture_part(Station& station, const CameraConfig& config,

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <set>
 
+#include "config/camera_yaml.hpp"
 #include "config/judge_yaml.hpp"
 #include "config/sensor_yaml.hpp"
 #include "config/station_checks.hpp"
@@ -66,9 +67,21 @@ std::vector<double> read_exposures_ms(const YamlNode& camera, std::string_view k
   return out;
 }
 
+void read_scenes(const YamlNode& node, const fs::path& folder, CameraConfig& camera) {
+  const YamlNode scenes = node.at("scenes");
+  camera.scenes = read_paths(scenes, folder);
+  if (camera.scenes.empty() || camera.scenes.size() > 1000) {
+    scenes.fail(std::to_string(camera.scenes.size()) + " scenes",
+                "1 to 1000: the simulated camera needs something to see");
+  }
+  if (node.has("seed")) {
+    camera.seed = static_cast<std::uint64_t>(node.integer64("seed", 0, INT64_MAX));
+  }
+}
+
 CameraConfig read_camera(const YamlNode& node, const fs::path& folder) {
   CameraConfig camera;
-  camera.backend = static_cast<CameraBackend>(node.choice("backend", {"simulated"}));
+  camera.backend = static_cast<CameraBackend>(node.choice("backend", camera_backend_names()));
   const YamlNode sensor = node.at("sensor");
   camera.sensor = read_sensor_format(sensor, "black_level_dn");
   camera.noise.gain_dn_per_e = sensor.number("gain_dn_per_electron", strictly_between(0, 1000));
@@ -85,14 +98,10 @@ CameraConfig read_camera(const YamlNode& node, const fs::path& folder) {
                  number_text(camera.frame_timeout_ms) + " ends before the longest exposure",
                  "more than " + number_text(longest));
   }
-  const YamlNode scenes = node.at("scenes");
-  camera.scenes = read_paths(scenes, folder);
-  if (camera.scenes.empty() || camera.scenes.size() > 1000) {
-    scenes.fail(std::to_string(camera.scenes.size()) + " scenes",
-                "1 to 1000: the simulated camera needs something to see");
-  }
-  if (node.has("seed")) {
-    camera.seed = static_cast<std::uint64_t>(node.integer64("seed", 0, INT64_MAX));
+  if (camera.backend == CameraBackend::simulated) {
+    read_scenes(node, folder, camera);
+  } else {
+    read_camera_device(node, camera);
   }
   node.finish();
   return camera;
@@ -292,7 +301,12 @@ StationConfig read_station_config(const fs::path& file) {
   config.name = read_name(root);
   config.camera = read_camera(root.at("camera"), folder);
   config.rig = read_rig(root.at("rig"));
-  if (root.has("simulator")) config.simulator = read_simulator(root.at("simulator"));
+  if (root.has("simulator")) {
+    if (config.camera.backend != CameraBackend::simulated) {
+      root.fail_at("simulator", "camera.backend is not simulated", "no such section");
+    }
+    config.simulator = read_simulator(root.at("simulator"));
+  }
   const YamlNode inspection = root.at("inspection");
   config.inspection = read_inspection(inspection, config.camera.sensor);
   config.judge = read_judge_settings(root.at("judge"));

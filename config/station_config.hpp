@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "hal/camera_settings.hpp"
 #include "hal/sim/sim_station.hpp"
 #include "model/geometry.hpp"
 #include "model/recipe.hpp"
@@ -16,12 +17,13 @@
 
 namespace brdfgate {
 
-enum class CameraBackend { simulated };  ///< libcamera and v4l2 come with the hardware
-enum class WordOrder { abcd, cdab };     ///< of u32 and float32: big-endian words first, or swapped
+enum class CameraBackend { simulated, v4l2, libcamera };
+enum class WordOrder { abcd, cdab };  ///< of u32 and float32: big-endian words first, or swapped
 
 struct CameraConfig {
   CameraBackend backend = CameraBackend::simulated;
-  SensorFormat sensor;  ///< ranges: config/sensor_yaml.hpp
+  CameraDeviceSettings device;  ///< v4l2 and libcamera only; ranges: config/camera_yaml.hpp
+  SensorFormat sensor;          ///< ranges: config/sensor_yaml.hpp
   /// Datasheet values; the calibration's measured ones override them. Gain (0, 1000) DN per
   /// electron, read noise 0..1000 DN.
   SensorNoise noise;

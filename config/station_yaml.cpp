@@ -2,6 +2,7 @@
 #include <array>
 #include <charconv>
 
+#include "config/camera_yaml.hpp"
 #include "config/judge_yaml.hpp"
 #include "config/sensor_yaml.hpp"
 #include "config/station_config.hpp"
@@ -58,7 +59,7 @@ std::string path_text(const std::filesystem::path& path) {
 }
 
 void put_camera(Emitter& out, const CameraConfig& camera) {
-  put(out, "backend", std::string("simulated"));
+  put(out, "backend", camera_backend_names().at(static_cast<std::size_t>(camera.backend)));
   put_map(out, "sensor", [&] {
     put(out, "width", camera.sensor.width);
     put(out, "height", camera.sensor.height);
@@ -73,6 +74,7 @@ void put_camera(Emitter& out, const CameraConfig& camera) {
   put_list(out, "ambient_ms", camera.ambient_ms, number_text);
   put(out, "gain", camera.gain);
   put(out, "frame_timeout_ms", camera.frame_timeout_ms);
+  if (camera.backend != CameraBackend::simulated) return put_camera_device(out, camera);
   put_list(out, "scenes", camera.scenes, path_text);
   put(out, "seed", std::to_string(camera.seed));
 }
@@ -186,7 +188,9 @@ std::string to_yaml(const StationConfig& config) {
   put(out, "station", config.name);
   put_map(out, "camera", [&] { put_camera(out, config.camera); });
   put_map(out, "rig", [&] { put_rig(out, config.rig); });
-  put_map(out, "simulator", [&] { put_simulator(out, config.simulator); });
+  if (config.camera.backend == CameraBackend::simulated) {
+    put_map(out, "simulator", [&] { put_simulator(out, config.simulator); });
+  }
   put_map(out, "inspection", [&] { put_inspection(out, config.inspection); });
   put_map(out, "judge", [&] { put_judge(out, config.judge); });
   put_map(out, "plc", [&] { put_plc(out, config.plc); });

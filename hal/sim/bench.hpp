@@ -1,6 +1,7 @@
 // The state that the simulated camera, lights and trigger share.
 #pragma once
 
+#include <algorithm>
 #include <condition_variable>
 #include <cstdint>
 #include <memory>
@@ -46,6 +47,8 @@ class SimBench {
   /// One light by number, or kNoLight. Precondition: it exists.
   void switch_to(LightIndex light) { burning_ = light; }
 
+  /// Lets time pass on the bench's clock up to `ns`; nothing when that is past.
+  void advance_to(std::int64_t ns) { clock_ns_ = std::max(clock_ns_, ns); }
   /// Time on the bench's clock that a frame of this exposure takes, readout included.
   double frame_time_s(double asked_s) const;
   /// Exposes whatever burns now and moves the clock on. Precondition: occupied.

@@ -20,7 +20,11 @@ class SimCamera final : public Camera {
 
   SensorFormat format() const override { return bench_.settings().sensor; }
 
-  void arm(const std::vector<ExposureRequest>& bracket) override {
+  CameraCapabilities capabilities() const override { return {}; }
+
+  void probe() override {}
+
+  void arm(const std::vector<ExposureRequest>& bracket, std::int64_t not_before_ns) override {
     armed_.clear();
     for (const ExposureRequest& request : bracket) {
       if (!std::isfinite(request.exposure_s) || request.exposure_s <= 0) {
@@ -31,6 +35,7 @@ class SimCamera final : public Camera {
       }
     }
     armed_.assign(bracket.begin(), bracket.end());
+    bench_.advance_to(not_before_ns);
   }
 
   RawFrame next_frame(std::chrono::milliseconds timeout) override {
@@ -41,8 +46,9 @@ class SimCamera final : public Camera {
     const ExposureRequest request = armed_.front();
     armed_.pop_front();
     if (bench_.frame_time_s(request.exposure_s) > std::chrono::duration<double>(timeout).count()) {
-      throw DeviceError(
-          kCameraName, "next_frame",
+      armed_.clear();
+      throw CameraError(
+          CameraFault::no_frame, kCameraName, "next_frame",
           "exposure and readout take longer than " + std::to_string(timeout.count()) + " ms");
     }
     return bench_.expose(request.exposure_s, request.gain);

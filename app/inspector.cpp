@@ -105,14 +105,6 @@ void add_readings(ClusterResult& cluster, const std::shared_ptr<const Basis>& ba
   }
 }
 
-float irradiance(const CellGeometry& cells, const StationGeometry& geometry, std::size_t light,
-                 const cv::Point& at) {
-  const auto p = cells.position_m.at<cv::Vec2f>(at);
-  const float d2 =
-      static_cast<float>((geometry.lights_W[light] - Eigen::Vector3d(p[0], p[1], 0)).squaredNorm());
-  return cells.cos_i[light].at<float>(at) / d2;
-}
-
 /// The frame of some of the station's bins.
 BinFrame frame_of_bins(const std::vector<int>& ids, const BinMap& bins) {
   BinFrame frame;
@@ -127,32 +119,6 @@ BinFrame frame_of_bins(const std::vector<int>& ids, const BinMap& bins) {
     frame.directions.push_back(bins.mean_angles[i]);
   }
   return frame;
-}
-
-/// What each cell receives less than it would as taught: reflectance that was computed for the
-/// taught pose, turned into that of a part lying otherwise (App. H eq. 20).
-std::vector<Reflectance> in_pose(const std::vector<Reflectance>& taught, const StationMap& from,
-                                 const StationGeometry& taught_geometry, const CellGeometry& to,
-                                 const StationGeometry& geometry) {
-  std::vector<Reflectance> out = taught;
-  for (std::size_t light = 0; light < out.size(); ++light) {
-    out[light].value = taught[light].value.clone();
-    out[light].variance = taught[light].variance.clone();
-    for (int v = 0; v < out[light].value.rows; ++v) {
-      auto* f = out[light].value.ptr<float>(v);
-      auto* variance = out[light].variance.ptr<float>(v);
-      for (int u = 0; u < out[light].value.cols; ++u) {
-        if (from.cells.inside.at<unsigned char>(v, u) == 0) continue;
-        const float ratio = irradiance(from.cells, taught_geometry, light, {u, v}) /
-                            irradiance(to, geometry, light, {u, v});
-        for (int c = 0; c < out[light].value.channels(); ++c) {
-          f[u * out[light].value.channels() + c] *= ratio;
-          variance[u * out[light].value.channels() + c] *= ratio * ratio;
-        }
-      }
-    }
-  }
-  return out;
 }
 
 }  // namespace
@@ -276,13 +242,7 @@ void Inspector::measure_clusters(Inspection& part, const RecipeInForce* recipe) 
   if (pose.none()) {
     part.samples = bin_all(part.reflectance, map_, regions);
   } else {
-    const StationGeometry geometry = in_part_frame(calibration_.geometry, pose);
-    StationMap map;
-    map.cells = cell_geometry(geometry, calibration_.sensor, {1, 1});
-    map.cells.inside = map_.cells.inside & map.cells.inside;
-    map.bins = reassigned(map_.bins, map.cells);
-    part.samples = bin_all(
-        in_pose(part.reflectance, map_, calibration_.geometry, map.cells, geometry), map, regions);
+    part.samples = bin_all(part.reflectance, map_, regions, {calibration_.geometry, pose});
   }
   for (int i = 0; i < regions.clusters; ++i) {
     const auto index = static_cast<std::size_t>(i);

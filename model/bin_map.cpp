@@ -39,6 +39,10 @@ int ring_width(int axis) {
   return axis < 30 ? 2 : 3;
 }
 
+float axis_of(float theta_h) {
+  return static_cast<float>(std::sqrt(std::max(0.0F, theta_h) / (kPi / 2)) * kAxisCells);
+}
+
 std::vector<BinCell> inspected_cells(const CellGeometry& cells, std::size_t light) {
   std::vector<BinCell> out;
   out.reserve(cells.inside.total());
@@ -47,9 +51,7 @@ std::vector<BinCell> inspected_cells(const CellGeometry& cells, std::size_t ligh
     const auto* angles = cells.angles[light].ptr<cv::Vec3f>(v);
     for (int u = 0; u < cells.inside.cols; ++u) {
       if (!inside[u]) continue;
-      const double axis = std::sqrt(std::max(0.0F, angles[u][0]) / (kPi / 2)) * kAxisCells;
-      out.push_back(
-          {static_cast<float>(axis), angles[u][1], angles[u][2], v * cells.inside.cols + u});
+      out.push_back({axis_of(angles[u][0]), angles[u][1], angles[u][2], v * cells.inside.cols + u});
     }
   }
   return out;
@@ -201,16 +203,6 @@ void add_light(const CellGeometry& cells, std::size_t light, BinMap& map) {
   map.trees.push_back(std::move(cut.tree));
 }
 
-int find_bin(const std::vector<BinNode>& tree, const BinCell& cell) {
-  std::size_t at = 0;
-  while (tree[at].axis >= 0) {
-    const BinNode& node = tree[at];
-    const float value = node.axis == 0 ? cell.axis : node.axis == 1 ? cell.theta_d : cell.phi_d;
-    at = value < node.edge ? at + 1 : static_cast<std::size_t>(node.other);
-  }
-  return tree[at].bin;
-}
-
 }  // namespace
 
 BinMap make_bin_map(const CellGeometry& cells) {
@@ -224,24 +216,15 @@ BinMap make_bin_map(const CellGeometry& cells) {
   return map;
 }
 
-BinMap reassigned(const BinMap& bins, const CellGeometry& cells) {
-  BinMap map = bins;
-  for (std::size_t light = 0; light < cells.angles.size(); ++light) {
-    if (bins.trees[light].empty()) continue;
-    std::vector<BinCell> all = inspected_cells(cells, light);
-    cv::Mat id(cells.inside.size(), CV_32SC1, cv::Scalar(-1));
-    std::vector<std::vector<BinCell>> members(static_cast<std::size_t>(bins.bins()));
-    for (const BinCell& c : all) {
-      const int bin = find_bin(bins.trees[light], c);
-      id.at<int>(c.at / id.cols, c.at % id.cols) = bin;
-      members[static_cast<std::size_t>(bin)].push_back(c);
-    }
-    for (std::size_t i = 0; i < members.size(); ++i) {
-      if (!members[i].empty()) map.mean_angles[i] = mean_angles(cells, light, members[i]);
-    }
-    map.id[light] = id;
+int BinMap::find(std::size_t from_light, const cv::Vec3f& angles) const {
+  const std::vector<BinNode>& tree = trees[from_light];
+  const float value[] = {axis_of(angles[0]), angles[1], angles[2]};
+  std::size_t at = 0;
+  while (tree[at].axis >= 0) {
+    const BinNode& node = tree[at];
+    at = value[node.axis] < node.edge ? at + 1 : static_cast<std::size_t>(node.other);
   }
-  return map;
+  return tree[at].bin;
 }
 
 }  // namespace brdfgate

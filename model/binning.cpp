@@ -4,9 +4,11 @@
 #include <numbers>
 #include <opencv2/imgproc.hpp>
 #include <string>
+#include <utility>
 
 #include "model/error.hpp"
 #include "model/log_image.hpp"
+#include "model/posed_view.hpp"
 #include "model/regions.hpp"
 
 namespace brdfgate {
@@ -44,42 +46,118 @@ double phi_from(double phi, double reference) {
   return d < -std::numbers::pi / 2 ? d + std::numbers::pi : d;
 }
 
-void add_cell(BinSum& s, const cv::Vec3f& angles, double reference_phi, const float* f,
+/// What one cell contributes to which bin.
+struct SeenCell {
+  int bin = -1;    ///< none
+  float gain = 1;  ///< multiplies its reflectance
+  cv::Vec3f angles;
+};
+
+/// Cells of one light as taught: bins and angles are in the map.
+class TaughtCells {
+ public:
+  TaughtCells(const StationMap& map, std::size_t light)
+      : id_(map.bins.id[light]), angles_(map.cells.angles[light]) {}
+  SeenCell operator()(int v, int u) const {
+    return {id_.ptr<int>(v)[u], 1.0F, angles_.ptr<cv::Vec3f>(v)[u]};
+  }
+
+ private:
+  const cv::Mat& id_;
+  const cv::Mat& angles_;
+};
+
+/// Cells of one light on a part in another pose.
+class PosedCells {
+ public:
+  PosedCells(const StationMap& map, std::size_t light, const PosedPart& part)
+      : map_(map), light_(light), view_(part.taught, light, part.pose) {}
+  SeenCell operator()(int v, int u) const {
+    if (map_.bins.id[light_].ptr<int>(v)[u] < 0) return {};
+    const PosedView::Seen seen = view_.see(map_.cells.position_m.ptr<cv::Vec2f>(v)[u]);
+    if (!seen.above) return {};
+    return {map_.bins.find(light_, seen.angles), seen.gain, seen.angles};
+  }
+
+ private:
+  const StationMap& map_;
+  std::size_t light_;
+  PosedView view_;
+};
+
+void add_cell(BinSum& s, const SeenCell& cell, double reference_phi, const float* f,
               const float* variance, int channels) {
   ++s.pixels;
   for (int c = 0; c < channels; ++c) {
-    s.f[c] += f[c];
-    s.variance[c] += variance[c];
+    s.f[c] += cell.gain * f[c];
+    s.variance[c] += cell.gain * cell.gain * variance[c];
   }
-  s.theta_h += angles[0];
-  s.theta_d += angles[1];
-  s.phi_d += phi_from(angles[2], reference_phi);
+  s.theta_h += cell.angles[0];
+  s.theta_d += cell.angles[1];
+  s.phi_d += phi_from(cell.angles[2], reference_phi);
 }
 
-/// Sums of one light: clusters x bins, cluster after cluster.
-std::vector<BinSum> sum_light(const Reflectance& r, const StationMap& map, std::size_t light,
-                              const cv::Mat& label, int clusters) {
-  const int bins = map.bins.bins();
-  const int channels = r.value.channels();
-  std::vector<BinSum> sums(static_cast<std::size_t>(clusters) * static_cast<std::size_t>(bins));
-  for (int v = 0; v < label.rows; ++v) {
-    const auto* cluster = label.ptr<unsigned char>(v);
-    const auto* id = map.bins.id[light].ptr<int>(v);
-    const auto* mask = r.mask.ptr<unsigned char>(v);
-    const auto* f = r.value.ptr<float>(v);
-    const auto* variance = r.variance.ptr<float>(v);
-    const auto* angles = map.cells.angles[light].ptr<cv::Vec3f>(v);
-    for (int u = 0; u < label.cols; ++u) {
-      if (cluster[u] >= clusters || id[u] < 0 || (mask[u] & kInvalid)) continue;
-      const auto bin = static_cast<std::size_t>(id[u]);
-      BinSum& s = sums[static_cast<std::size_t>(cluster[u]) * static_cast<std::size_t>(bins) + bin];
+using BinSums = std::vector<BinSum>;  ///< clusters x bins, cluster after cluster
+
+/// What is the same for all cells of one light.
+struct LightInput {
+  const Reflectance& r;
+  const BinMap& bins;
+  const cv::Mat& label;
+  int clusters;
+};
+
+template <class Cells>
+void sum_rows(const LightInput& in, const Cells& cells, const cv::Range& rows, BinSums& sums) {
+  const auto bins = static_cast<std::size_t>(in.bins.bins());
+  const int channels = in.r.value.channels();
+  for (int v = rows.start; v < rows.end; ++v) {
+    const auto* cluster = in.label.ptr<unsigned char>(v);
+    const auto* mask = in.r.mask.ptr<unsigned char>(v);
+    const auto* f = in.r.value.ptr<float>(v);
+    const auto* variance = in.r.variance.ptr<float>(v);
+    for (int u = 0; u < in.label.cols; ++u) {
+      if (cluster[u] >= in.clusters || (mask[u] & kInvalid)) continue;
+      const SeenCell cell = cells(v, u);
+      if (cell.bin < 0) continue;
+      const auto bin = static_cast<std::size_t>(cell.bin);
+      BinSum& s = sums[cluster[u] * bins + bin];
       s.clipped = s.clipped || (mask[u] & kClipped);
       const int first = u * channels;
-      add_cell(s, angles[u], map.bins.mean_angles[bin].phi_d, f + first, variance + first,
-               channels);
+      add_cell(s, cell, in.bins.mean_angles[bin].phi_d, f + first, variance + first, channels);
     }
   }
-  return sums;
+}
+
+void add_sum(const BinSum& part, BinSum& s) {
+  s.pixels += part.pixels;
+  s.clipped = s.clipped || part.clipped;
+  s.f += part.f;
+  s.variance += part.variance;
+  s.theta_h += part.theta_h;
+  s.theta_d += part.theta_d;
+  s.phi_d += part.phi_d;
+}
+
+/// Stripes of the image are summed at once and added up in one order, so that the result does not
+/// depend on how many processors there are.
+constexpr int kStripes = 8;
+
+template <class Cells>
+BinSums sum_light(const LightInput& in, const Cells& cells) {
+  const auto size = static_cast<std::size_t>(in.clusters * in.bins.bins());
+  std::vector<BinSums> stripes(kStripes, BinSums(size));
+  cv::parallel_for_(cv::Range(0, kStripes), [&](const cv::Range& range) {
+    for (int i = range.start; i < range.end; ++i) {
+      const cv::Range rows(in.label.rows * i / kStripes, in.label.rows * (i + 1) / kStripes);
+      sum_rows(in, cells, rows, stripes[static_cast<std::size_t>(i)]);
+    }
+  });
+  for (int i = 1; i < kStripes; ++i) {
+    for (std::size_t j = 0; j < size; ++j)
+      add_sum(stripes[static_cast<std::size_t>(i)][j], stripes[0][j]);
+  }
+  return std::move(stripes[0]);
 }
 
 Bin to_bin(const BinSum& s, int id, const BinMap& map) {
@@ -113,22 +191,30 @@ void check(const std::vector<Reflectance>& r, const StationMap& map, const Regio
   }
 }
 
-std::vector<BinnedSamples> bin_labels(const std::vector<Reflectance>& r, const StationMap& map,
-                                      const cv::Mat& label, int clusters, int min_pixels) {
-  std::vector<BinnedSamples> out(static_cast<std::size_t>(clusters));
+/// @param cells_of  the light's cells, by its index
+template <class CellsOf>
+std::vector<BinnedSamples> bin_labels(const std::vector<Reflectance>& r, const BinMap& map,
+                                      const Regions& labels, int min_pixels,
+                                      const CellsOf& cells_of) {
+  std::vector<BinnedSamples> out(static_cast<std::size_t>(labels.clusters));
   for (BinnedSamples& samples : out)
     samples.channels = r.front().value.channels();
-  const int bins = map.bins.bins();
+  const int bins = map.bins();
   for (std::size_t light = 0; light < r.size(); ++light) {
-    const std::vector<BinSum> sums = sum_light(r[light], map, light, label, clusters);
+    const BinSums sums = sum_light({r[light], map, labels.label, labels.clusters}, cells_of(light));
     for (std::size_t i = 0; i < sums.size(); ++i) {
       if (sums[i].clipped || sums[i].pixels < std::max(1, min_pixels)) continue;
       const auto cluster = i / static_cast<std::size_t>(bins);
       const auto id = static_cast<int>(i % static_cast<std::size_t>(bins));
-      out[cluster].bins.push_back(to_bin(sums[i], id, map.bins));
+      out[cluster].bins.push_back(to_bin(sums[i], id, map));
     }
   }
   return out;
+}
+
+/// The clusters' labels without the margin along every other label.
+Regions inner_regions(const Regions& regions, const BinningOptions& options) {
+  return {inner_labels(regions.label, options.margin_cells), regions.clusters, regions.coverage};
 }
 
 }  // namespace
@@ -136,8 +222,20 @@ std::vector<BinnedSamples> bin_labels(const std::vector<Reflectance>& r, const S
 std::vector<BinnedSamples> bin_all(const std::vector<Reflectance>& r, const StationMap& map,
                                    const Regions& regions, const BinningOptions& options) {
   check(r, map, regions);
-  return bin_labels(r, map, inner_labels(regions.label, options.margin_cells), regions.clusters,
-                    options.min_pixels);
+  return bin_labels(r, map.bins, inner_regions(regions, options), options.min_pixels,
+                    [&](std::size_t light) { return TaughtCells(map, light); });
+}
+
+std::vector<BinnedSamples> bin_all(const std::vector<Reflectance>& r, const StationMap& map,
+                                   const Regions& regions, const PosedPart& part,
+                                   const BinningOptions& options) {
+  check(r, map, regions);
+  if (map.bins.trees.size() < r.size() || part.taught.lights_W.size() < r.size()) {
+    throw InputError("bins", std::to_string(map.bins.trees.size()) + " lights' trees",
+                     "one for each of the " + std::to_string(r.size()) + " lights");
+  }
+  return bin_labels(r, map.bins, inner_regions(regions, options), options.min_pixels,
+                    [&](std::size_t light) { return PosedCells(map, light, part); });
 }
 
 BinnedSamples bin_samples(const std::vector<Reflectance>& r, const StationMap& map,
@@ -153,7 +251,9 @@ BinnedSamples bin_samples(const std::vector<Reflectance>& r, const StationMap& m
   cv::erode(inner, inner, cv::getStructuringElement(cv::MORPH_RECT, {side, side}));
   cv::Mat label(inner.size(), CV_8UC1, cv::Scalar(kNotPart));
   label.setTo(0, inner);
-  return bin_labels(r, map, label, 1, options.min_pixels).front();
+  return bin_labels(r, map.bins, {label, 1, regions.coverage}, options.min_pixels,
+                    [&](std::size_t light) { return TaughtCells(map, light); })
+      .front();
 }
 
 }  // namespace brdfgate

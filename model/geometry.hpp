@@ -95,12 +95,10 @@ struct BinMap {
   std::vector<HalfDiff> mean_angles;        ///< per bin: mean over all its cells
   std::vector<std::vector<BinNode>> trees;  ///< per light, the root first
   int bins() const { return static_cast<int>(light.size()); }
+  /// The bin that these angles (theta_h, theta_d, phi_d) under a light (from 0) belong to.
+  int find(std::size_t from_light, const cv::Vec3f& angles) const;
 };
 BinMap make_bin_map(const CellGeometry& cells);
-/// The same bins seen by cells with other angles: those of a part that lies a little differently.
-/// A cell belongs to the bin that its angles belong to; mean angles are over those cells, and the
-/// old ones where there are none.
-BinMap reassigned(const BinMap& bins, const CellGeometry& cells);
 
 /// Everything per cell that is fixed while the calibration is.
 struct StationMap {

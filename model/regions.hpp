@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "model/geometry.hpp"
+#include "model/pose.hpp"
 #include "model/reflectance.hpp"
 #include "model/samples.hpp"
 
@@ -64,5 +65,16 @@ BinnedSamples bin_samples(const std::vector<Reflectance>& r, const StationMap& m
 /// The same for every cluster in one pass over the cells.
 std::vector<BinnedSamples> bin_all(const std::vector<Reflectance>& r, const StationMap& map,
                                    const Regions& regions, const BinningOptions& options = {});
+
+/// A part that lies otherwise than the geometry its reflectance was computed for.
+struct PosedPart {
+  const StationGeometry& taught;
+  PartPose pose;
+};
+/// The same on the part itself: a cell belongs to the bin of the angles that it sees there, and its
+/// reflectance is corrected for the light that the part receives (App. H eq. 20).
+std::vector<BinnedSamples> bin_all(const std::vector<Reflectance>& r, const StationMap& map,
+                                   const Regions& regions, const PosedPart& part,
+                                   const BinningOptions& options = {});
 
 }  // namespace brdfgate

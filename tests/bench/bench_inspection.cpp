@@ -92,9 +92,13 @@ int main(int argc, char** argv) {
   stage("  pose samples",
         [&] { samples = pose_samples(reflectance, geometry, inspector.map().cells, body); });
   stage("  pose estimate", [&] { estimate_pose(inspector.basis(), samples, prior); });
-  stage("  cell geometry", [&] { cell_geometry(geometry, sensor, {1, 1}); });
-  stage("  bins reassigned", [&] { reassigned(inspector.map().bins, inspector.map().cells); });
-  stage("  bins averaged", [&] { bin_all(reflectance, inspector.map(), seen.result.regions); });
+  stage("  bins averaged as taught",
+        [&] { bin_all(reflectance, inspector.map(), seen.result.regions); });
+  stage("  bins averaged in the part's pose", [&] {
+    bin_all(reflectance, inspector.map(), seen.result.regions, {geometry, {0.002, 0.001, 0}});
+  });
+  stage("  cell geometry in double (not in the cycle)",
+        [&] { cell_geometry(geometry, sensor, {1, 1}); });
   stage("  ridge, one cluster", [&] { ridge(inspector.basis(), seen.samples[0]); });
   stage("  estimator, one cluster", [&] { inspector.estimator().estimate(seen.samples[0]); });
   const BrdfPtr brdf = make_brdf(inspector.shared_basis(), seen.result.clusters[0].raw);

@@ -3,6 +3,7 @@
 
 #include "app/commands/commands.hpp"
 #include "app/fit_export.hpp"
+#include "app/image_export.hpp"
 #include "app/pictures.hpp"
 #include "app/progress.hpp"
 #include "app/result_json.hpp"
@@ -19,6 +20,7 @@ struct InspectOptions {
   std::vector<std::filesystem::path> from;
   std::filesystem::path export_dir;
   std::filesystem::path evidence_dir;
+  std::filesystem::path images_dir;
   std::string fit;     ///< analytic model to export as well; empty: none
   std::string method;  ///< empty: the configuration's
 };
@@ -89,6 +91,10 @@ nlohmann::json process(const InspectOptions& options, const Inspector& inspector
     write_pictures(folder_for(options.evidence_dir, recording.name, several),
                    draw(part, inspector));
   }
+  if (!options.images_dir.empty()) {
+    export_images(folder_for(options.images_dir, recording.name, several), recording.capture, part,
+                  inspector);
+  }
   if (!options.session.json) print_part(recording.name, part.result);
   return json;
 }
@@ -150,6 +156,8 @@ void add_inspect(CLI::App& tool, int& exit_code) {
                       "write each cluster's BRDF and result.json here");
   add_fit_option(*command, options->fit)->needs("--export-brdf");
   command->add_option("--evidence", options->evidence_dir, "write pictures here");
+  command->add_option("--export-images", options->images_dir,
+                      "write radiance.exr and reflectance.exr here");
   command->callback([options, &exit_code] { exit_code = inspect(*options); });
 }
 
@@ -165,6 +173,8 @@ void add_reconstruct(CLI::App& tool, int& exit_code) {
       ->required();
   add_fit_option(*command, options->fit);
   command->add_option("--evidence", options->evidence_dir, "write pictures here");
+  command->add_option("--export-images", options->images_dir,
+                      "write radiance.exr and reflectance.exr here");
   command->add_option("--method", options->method, "estimator; else the configuration's")
       ->check(CLI::IsMember(estimator_names()));
   command->callback([options, &exit_code] { exit_code = reconstruct(*options); });

@@ -130,16 +130,81 @@ YAML::Node certificate_node(const WhiteCertificate& certificate) {
   return node;
 }
 
+/// Flat list, light by light.
+std::vector<double> flat(const std::vector<Eigen::Array3d>& per_light) {
+  std::vector<double> out;
+  for (const Eigen::Array3d& f : per_light)
+    out.insert(out.end(), f.begin(), f.end());
+  return out;
+}
+
+constexpr std::array<const char*, 2> kColourModels{"matrix", "root_polynomial"};
+
+YAML::Node colour_node(const CameraColour& colour) {
+  YAML::Node node;
+  node["model"] = kColourModels.at(static_cast<std::size_t>(colour.model));
+  node["chart"] = colour.chart;
+  node["chart_illuminant"] = colour.illuminant;
+  node["illuminant"] = "D65";
+  node["observer_deg"] = "2";
+  const Eigen::MatrixXd rows = colour.to_xyz.transpose();  // row by row
+  node["to_xyz"] = flow_list(rows.reshaped());
+  node["de00_mean"] = number_text(colour.de00_mean);
+  node["de00_max"] = number_text(colour.de00_max);
+  return node;
+}
+
+CameraColour read_colour(const YamlNode& node) {
+  CameraColour colour;
+  colour.model =
+      static_cast<ColourModel>(node.choice("model", {kColourModels.begin(), kColourModels.end()}));
+  colour.chart = node.text("chart");
+  colour.illuminant = node.text("chart_illuminant");
+  node.choice("illuminant", {"D65"});
+  node.choice("observer_deg", {"2"});
+  const std::size_t terms = colour.model == ColourModel::matrix ? 3 : 6;
+  const auto m = node.numbers("to_xyz", 3 * terms);
+  colour.to_xyz =
+      Eigen::Map<const Eigen::MatrixXd>(m.data(), static_cast<Eigen::Index>(terms), 3).transpose();
+  colour.de00_mean = node.number("de00_mean", {.least = 0});
+  colour.de00_max = node.number("de00_max", {.least = 0});
+  node.finish();
+  return colour;
+}
+
+YAML::Node white_factor_node(const Calibration& calibration) {
+  YAML::Node node;
+  node["table"] = calibration.white_factor;
+  node["sigma"] = number_text(calibration.white_sigma);
+  return node;
+}
+
+void read_white_factor(const YamlNode& root, Calibration& calibration) {
+  if (!root.has("white_factor")) return;
+  const YamlNode node = root.at("white_factor");
+  calibration.white_factor = node.text("table");
+  calibration.white_sigma = node.number("sigma", {.least = 0, .most = 1});
+  node.finish();
+}
+
 /// What newer calibrations may say besides.
 void read_optional(const YamlNode& root, Calibration& calibration) {
+  read_white_factor(root, calibration);
+  if (root.has("colour")) calibration.colour = read_colour(root.at("colour"));
+  const std::size_t lights = calibration.geometry.lights_W.size();
+  if (root.has("monitor_patch_f")) {
+    const auto f =
+        root.numbers("monitor_patch_f", 3 * lights, {.least = 0, .most = 10, .open = true});
+    for (std::size_t l = 0; l < lights; ++l)
+      calibration.patch_f.emplace_back(Eigen::Array3d(&f[3 * l]));
+  }
   if (root.has("white_certificate")) {
     const YamlNode node = root.at("white_certificate");
     calibration.certificate = {node.text("number"), node.text("date"), node.text("due")};
     node.finish();
   }
   if (root.has("stray_share")) {
-    calibration.stray_share =
-        root.numbers("stray_share", calibration.geometry.lights_W.size(), {.least = -1, .most = 1});
+    calibration.stray_share = root.numbers("stray_share", lights, {.least = -1, .most = 1});
   }
 }
 
@@ -177,6 +242,15 @@ std::string calibration_head_text(const Calibration& calibration,
   }
   if (!calibration.stray_share.empty()) {
     out << YAML::Key << "stray_share" << YAML::Value << flow_list(calibration.stray_share);
+  }
+  if (!calibration.patch_f.empty()) {
+    out << YAML::Key << "monitor_patch_f" << YAML::Value << flow_list(flat(calibration.patch_f));
+  }
+  if (calibration.colour) {
+    out << YAML::Key << "colour" << YAML::Value << colour_node(*calibration.colour);
+  }
+  if (!calibration.white_factor.empty() || calibration.white_sigma != kUnknownWhiteSigma) {
+    out << YAML::Key << "white_factor" << YAML::Value << white_factor_node(calibration);
   }
   out << YAML::EndMap;
   return out.c_str();

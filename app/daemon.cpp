@@ -3,6 +3,7 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <cmath>
 #include <ctime>
 
 #include "app/plc/device.hpp"
@@ -122,6 +123,10 @@ void Daemon::observe(const Inspection& part) {
   std::uint16_t bits = warnings_ & warning_bit::kDisk;
   if (part.result.ambient > kWarnShare * config_.judge.max_ambient) bits |= warning_bit::kAmbient;
   if (part.result.clipped > kWarnShare * config_.judge.max_clipped) bits |= warning_bit::kClipped;
+  for (const double drift : part.facts.lamp_drift) {
+    if (!(std::abs(drift) <= kWarnShare * part.facts.max_lamp_drift))
+      bits |= warning_bit::kLampDrift;
+  }
   if (bits != warnings_) {
     warnings_ = bits;
     announce(StationState::ready);

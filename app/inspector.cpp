@@ -1,12 +1,16 @@
 #include "app/inspector.hpp"
 
+#include <fmt/core.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <opencv2/core.hpp>
 
+#include "model/camera_colour.hpp"
 #include "model/error.hpp"
 #include "model/judge.hpp"
+#include "model/lamp_monitor.hpp"
 #include "model/mapping.hpp"
 #include "model/reconstruction.hpp"
 
@@ -92,14 +96,13 @@ PeakSight look_for_peak(const BinnedSamples& samples) {
   return sight;
 }
 
-void add_readings(ClusterResult& cluster, const std::shared_ptr<const Basis>& basis,
-                  const PeakSight& peak, bool colour_calibrated) {
-  const BrdfPtr brdf = make_brdf(basis, cluster.raw);
+void add_readings(ClusterResult& cluster, const BrdfPtr& brdf, const PeakSight& peak,
+                  bool colour_known) {
   cluster.gloss_gu = gloss_gu(*brdf);
   cluster.valid.gloss = peak.inside;
   cluster.valid.measured = peak.near_60_deg;
   cluster.valid.highlight = peak.stands_out;
-  if (cluster.channels == 3 && colour_calibrated) {
+  if (cluster.channels == 3 && colour_known) {
     cluster.lab = lab_45_0(*brdf);
     cluster.valid.colour = true;
   }
@@ -136,9 +139,13 @@ Inspector::Inspector(const StationConfig& config, std::shared_ptr<const Basis> b
                      config.station_hash.substr(0, 16) + " (run brdfgate calibrate)");
   }
   const cv::Size2d region(settings_.region_mm[0] * 1e-3, settings_.region_mm[1] * 1e-3);
-  map_.cells = cell_geometry(calibration_.geometry, calibration_.sensor, region);
+  geometry_ = in_part_frame(calibration_.geometry, {.height_m = settings_.part_height_mm * 1e-3});
+  map_.cells = cell_geometry(geometry_, calibration_.sensor, region);
   map_.bins = make_bin_map(map_.cells);
   estimator_ = make_estimator({settings_.method, settings_.eta}, basis_);
+  if (settings_.monitor) {
+    patch_ = patch_cells(calibration_.geometry, calibration_.sensor, *settings_.monitor);
+  }
 }
 
 RecipeInForce Inspector::bring_into_force(Recipe recipe) const {
@@ -153,6 +160,12 @@ RecipeInForce Inspector::bring_into_force(Recipe recipe) const {
         where,
         "calibration_hash " + recipe.calibration_hash.substr(0, 16) + " is another calibration",
         calibration_.hash.substr(0, 16) + " (teach again)");
+  }
+  if (recipe.part_height_mm != settings_.part_height_mm) {
+    throw InputError(
+        where,
+        fmt::format("part_height_mm {} is another height of the part", recipe.part_height_mm),
+        fmt::format("{} as in inspection.part_height_mm (teach again)", settings_.part_height_mm));
   }
   RecipeInForce force{std::move(recipe), {}, {}};
   const double to_c = 1 / std::sqrt(double(basis_->info().observations));
@@ -190,9 +203,19 @@ ClusterResult Inspector::measure_cluster(const BinnedSamples& samples, int index
   cluster.weight_sigmas = cluster.raw.sigmas_in_prior_sigmas(observations);
   cluster.valid.weights = cluster.bins >= min_bins && cluster.weights.allFinite();
   if (cluster.valid.weights) {
-    add_readings(cluster, basis_, look_for_peak(samples), settings_.colour_calibrated);
+    add_readings(cluster, seen_colour(cluster.raw), look_for_peak(samples), colour_known());
   }
   return cluster;
+}
+
+BrdfPtr Inspector::seen_colour(const Weights& weights) const {
+  const BrdfPtr camera = make_brdf(basis_, weights);
+  return calibration_.colour ? in_linear_srgb(camera, *calibration_.colour) : camera;
+}
+
+bool Inspector::colour_known() const {
+  if (settings_.colour == ColourSource::none) return false;
+  return calibration_.colour || settings_.colour == ColourSource::linear_srgb_d65;
 }
 
 const JudgeSettings& Inspector::settings_for(const RecipeInForce* recipe) const {
@@ -221,8 +244,7 @@ PartPose Inspector::pose_of(Inspection& part) const {
   const PosePrior prior{settings_.fixture_tilt_sigma_deg * kDegree,
                         settings_.fixture_height_sigma_mm * 1e-3};
   if (prior.tilt_sigma == 0 || result.regions.clusters == 0) return {};
-  const PoseSamples samples =
-      pose_samples(part.reflectance, calibration_.geometry, map_.cells, body);
+  const PoseSamples samples = pose_samples(part.reflectance, geometry_, map_.cells, body);
   if (static_cast<int>(samples.lines.size()) < kPoseTiles) return {};
   const PoseEstimate found = estimate_pose(*basis_, samples, prior);
   result.tilt_deg = {found.pose.tilt_x / kDegree, found.pose.tilt_y / kDegree};
@@ -242,7 +264,7 @@ void Inspector::measure_clusters(Inspection& part, const RecipeInForce* recipe) 
   if (pose.none()) {
     part.samples = bin_all(part.reflectance, map_, regions);
   } else {
-    part.samples = bin_all(part.reflectance, map_, regions, {calibration_.geometry, pose});
+    part.samples = bin_all(part.reflectance, map_, regions, {geometry_, pose});
   }
   for (int i = 0; i < regions.clusters; ++i) {
     const auto index = static_cast<std::size_t>(i);
@@ -283,12 +305,26 @@ double Inspector::ambient_level(const Radiance& ambient, const std::vector<Refle
   return ambient_share(ambient, calibration_, cells, albedo.max(kDarkestAlbedo));
 }
 
+void Inspector::to_reflectance(const RadianceSet& radiance, Inspection& part) const {
+  std::vector<Eigen::Array3d> lamps;
+  if (settings_.monitor) {
+    part.facts.max_lamp_drift = settings_.monitor->max_drift;
+    const auto expected = patch_reflectance(*settings_.monitor, calibration_);
+    for (const LampLevel& lamp : lamp_levels(radiance.lights, calibration_, patch_, expected)) {
+      part.facts.lamp_drift.push_back(lamp.drift());
+      lamps.push_back(lamp.ratio);
+    }
+  }
+  const PartPlane plane{.height_m = settings_.part_height_mm * 1e-3};
+  part.reflectance = brdfgate::to_reflectance(radiance, calibration_, plane, lamps);
+}
+
 Inspection Inspector::measure(const Capture& capture, const RecipeInForce* recipe) const {
   const RadianceSet radiance =
       to_radiance(with_measured_black(capture, calibration_.sensor), calibration_.noise,
                   static_cast<int>(calibration_.geometry.lights_W.size()));
   Inspection part;
-  part.reflectance = to_reflectance(radiance, calibration_);
+  to_reflectance(radiance, part);
   part.result.regions = regions_of(part.reflectance, recipe);
   const Regions& regions = part.result.regions;
   const cv::Mat on_part = regions.label != kNotPart;
@@ -305,6 +341,8 @@ Inspection Inspector::measure(const Capture& capture, const RecipeInForce* recip
   part.result.ambient = part.facts.ambient;
   part.result.clipped = part.facts.clipped;
   part.result.defects = part.facts.defects;
+  part.result.lamp_drift = part.facts.lamp_drift;
+  part.result.white_sigma = calibration_.white_sigma;
   return part;
 }
 

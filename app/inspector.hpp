@@ -43,7 +43,7 @@ class Inspector {
   Inspector(const StationConfig& config, std::shared_ptr<const Basis> basis,
             Calibration calibration);
 
-  /// Throws InputError where the recipe belongs to another basis or calibration.
+  /// Throws InputError where the recipe belongs to another basis, calibration or part height.
   RecipeInForce bring_into_force(Recipe recipe) const;
 
   /// Measures: regions (taught ones with a recipe, else found), bins, weights, readings, defects;
@@ -62,12 +62,23 @@ class Inspector {
   std::shared_ptr<const Basis> shared_basis() const { return basis_; }
   const Calibration& calibration() const { return calibration_; }
   const StationMap& map() const { return map_; }
+  /// Camera and lights in the frame that map() and the published places are in: on the surface of
+  /// a part of the configured height.
+  const StationGeometry& geometry() const { return geometry_; }
+  /// A reconstruction in linear sRGB, D65, 2 degrees, which readings of colour take: by the
+  /// calibration's chart where it has one, else as the camera says.
+  BrdfPtr seen_colour(const Weights& weights) const;
+  /// Whether seen_colour() is colour: a chart in the calibration, or a declared camera.
+  bool colour_known() const;
+  double part_height_mm() const { return settings_.part_height_mm; }
   /// In force without a recipe; a recipe brings its own.
   const JudgeSettings& judge_settings() const { return judge_; }
   double eta() const { return settings_.eta; }
   const Estimator& estimator() const { return *estimator_; }
 
  private:
+  /// Reflectance, the lamps' drift taken out where a monitor patch tells it.
+  void to_reflectance(const RadianceSet& radiance, Inspection& part) const;
   Regions regions_of(const std::vector<Reflectance>& r, const RecipeInForce* recipe) const;
   double ambient_level(const Radiance& ambient, const std::vector<Reflectance>& r,
                        const cv::Mat& on_part) const;
@@ -81,7 +92,9 @@ class Inspector {
   JudgeSettings judge_;
   std::shared_ptr<const Basis> basis_;
   Calibration calibration_;
+  StationGeometry geometry_;  ///< in the frame of a part of the configured height
   StationMap map_;
+  std::vector<cv::Point> patch_;  ///< cells of the monitor patch, where there is one
   std::shared_ptr<const Estimator> estimator_;
 };
 

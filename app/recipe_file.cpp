@@ -49,6 +49,7 @@ class Writer {
     quoted("basis_checksum", r.basis_checksum);
     put("channels", std::to_string(r.channels));
     put("components", std::to_string(r.components));
+    if (r.part_height_mm != 0) put("part_height_mm", number_text(r.part_height_mm));
     key("warnings") << YAML::BeginSeq;
     for (const std::string& warning : r.warnings)
       out_ << YAML::DoubleQuoted << warning;
@@ -221,6 +222,7 @@ Recipe read_recipe(const std::filesystem::path& file) {
   r.basis_checksum = root.text("basis_checksum");
   r.channels = root.choice("channels", {"1", "3"}) == 0 ? 1 : 3;
   r.components = root.integer("components", 1, kMaxComponents);
+  r.part_height_mm = root.number_or("part_height_mm", 0, {-50, 50});
   r.warnings = root.texts("warnings");
   r.settings = read_judge_settings(root.at("settings"));
   r.clusters = read_clusters(root, r);

@@ -22,8 +22,8 @@ constexpr const char* kSchema = "brdfgate.recording/1";
 constexpr std::size_t kMaxFrames = 10000;
 
 const std::vector<std::string>& role_names() {
-  static const std::vector<std::string> names{"part",  "white",  "dark", "ptc",
-                                              "board", "mirror", "black"};
+  static const std::vector<std::string> names{"part",  "white",  "dark",  "ptc",
+                                              "board", "mirror", "black", "chart"};
   return names;
 }
 

@@ -9,7 +9,7 @@
 
 namespace brdfgate {
 
-enum class RecordingRole { part, white, dark, ptc, board, mirror, black };
+enum class RecordingRole { part, white, dark, ptc, board, mirror, black, chart };
 
 struct Recording {
   std::string name;  ///< the folder's

@@ -34,6 +34,11 @@ json as_list(const Eigen::VectorXd& values) {
   return list;
 }
 
+json as_list(const std::vector<double>& values) {
+  return as_list(Eigen::VectorXd(
+      Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()))));
+}
+
 json cluster_to_json(const ClusterResult& c, const std::string& brdf_file) {
   json out = {
       {"index", c.index},
@@ -120,6 +125,8 @@ json part_to_json(const std::string& recording, const PartResult& r, const Cycle
           {"height_mm", finite(r.height_mm)},
           {"height_sigma_mm", finite(r.height_sigma_mm)},
           {"ambient", finite(r.ambient)},
+          {"lamp_drift", as_list(r.lamp_drift)},
+          {"white_sigma", finite(r.white_sigma)},
           {"acquisition_ms", finite(times.acquisition_ms)},
           {"processing_ms", finite(times.processing_ms)},
           {"defects", defects_to_json(r.defects)},

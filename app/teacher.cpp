@@ -23,7 +23,11 @@ std::string today() {
   return text;
 }
 
-void require_usable(const std::string& name, const PartResult& part) {
+void require_usable(const std::string& name, const Inspection& seen) {
+  // The same reason as a missing recipe's, but no part may be taught under a drifted lamp.
+  for (const std::string& text : drifted_lamps(seen.facts))
+    throw InputError(name, "cannot teach: " + text, "lamps as calibrated");
+  const PartResult& part = seen.result;
   constexpr ReasonBits kOnlyNoRecipe = bit(Reason::calibration_or_recipe);
   for (const Finding& finding : part.findings) {
     const ReasonBits reason = bit(finding.reason);
@@ -51,7 +55,7 @@ void add_warnings(Recipe& recipe) {
 
 void Teacher::add(const std::string& name, const Capture& capture) {
   const Inspection part = inspector_.inspect(capture, draft_ ? &*draft_ : nullptr);
-  require_usable(name, part.result);
+  require_usable(name, part);
   if (!draft_) begin(name, part);
   keep(name, part);
   ++parts_;
@@ -64,6 +68,7 @@ void Teacher::begin(const std::string& name, const Inspection& first) {
   recipe.components = inspector_.basis().info().components;
   recipe.channels = inspector_.calibration().sensor.channels();
   recipe.settings = inspector_.judge_settings();
+  recipe.part_height_mm = inspector_.part_height_mm();
   for (const ClusterResult& cluster : first.result.clusters) {
     if (!cluster.valid.weights) {
       throw InputError(
@@ -123,7 +128,7 @@ Recipe Teacher::recipe(const std::string& name, int id) const {
     taught.mean = weight_sums_[i] / double(parts_);
     Weights mean;
     mean.c = taught.mean / std::sqrt(double(inspector_.basis().info().observations));
-    const BrdfPtr brdf = make_brdf(inspector_.shared_basis(), mean);
+    const BrdfPtr brdf = inspector_.seen_colour(mean);
     taught.gloss_gu = gloss_gu(*brdf);
     if (recipe.channels == 3) taught.lab = lab_45_0(*brdf);
     recipe.clusters[i] = std::move(taught);

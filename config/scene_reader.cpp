@@ -175,7 +175,7 @@ Scene read_scene(const fs::path& file) {
   const YamlNode root = YamlNode::load_file(file);
   Scene scene;
   if (root.has("target")) {
-    const std::vector<std::string> targets{"part", "white", "board", "mirror", "black"};
+    const std::vector<std::string> targets{"part", "white", "board", "mirror", "black", "chart"};
     scene.target = static_cast<SceneTarget>(root.choice("target", targets));
   }
   if (root.has("board")) {

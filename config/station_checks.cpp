@@ -64,4 +64,30 @@ void check_highlights(const StationConfig& config, const std::vector<YamlNode>& 
   }
 }
 
+void check_monitor(const StationConfig& config, const YamlNode& monitor) {
+  const MonitorPatch& patch = *config.inspection.monitor;
+  const auto& region = config.inspection.region_mm;
+  const Eigen::Array2d half = 500 * patch.size_m.array();  // mm
+  const Eigen::Array2d gap =
+      (1000 * patch.at_m.array()).abs() - half - Eigen::Array2d(region[0], region[1]) / 2;
+  if (!(gap.maxCoeff() >= 0)) {
+    monitor.fail_at("at_mm", "the patch reaches into the inspected region",
+                    "a place beside inspection.region_mm, where no part covers it");
+  }
+  for (const double x : {-0.5, 0.5}) {
+    for (const double y : {-0.5, 0.5}) {
+      const Eigen::Vector2d corner =
+          patch.at_m + Eigen::Vector2d(x * patch.size_m.x(), y * patch.size_m.y());
+      if (in_image(config.simulator.geometry.camera, config.camera.sensor,
+                   {corner.x(), corner.y(), 0})) {
+        continue;
+      }
+      monitor.fail_at("at_mm",
+                      "its corner at (" + number_text(1000 * corner.x()) + ", " +
+                          number_text(1000 * corner.y()) + ") mm lies beyond the camera's view",
+                      "a patch that the camera sees whole");
+    }
+  }
+}
+
 }  // namespace brdfgate

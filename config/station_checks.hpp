@@ -16,4 +16,8 @@ void check_region(const StationConfig& config, const YamlNode& region_mm);
 /// light 2's outside of it.
 void check_highlights(const StationConfig& config, const std::vector<YamlNode>& lights);
 
+/// Refuses a monitor patch that reaches into the inspected region or out of the image.
+/// Precondition: there is one.
+void check_monitor(const StationConfig& config, const YamlNode& monitor);
+
 }  // namespace brdfgate

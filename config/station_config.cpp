@@ -180,9 +180,31 @@ SimBenchSettings read_simulator(const YamlNode& node) {
   sim.vignetting = node.number("vignetting", between(0, 0.9));
   sim.led_radius_m = node.number("led_radius_mm", between(0, 100)) / 1000;
   sim.white_exposure_s = node.number("white_exposure_ms", strictly_between(0, 60000)) / 1000;
+  if (node.has("camera_rgb")) {
+    const auto m = node.numbers("camera_rgb", 9, between(-10, 10));
+    sim.camera_rgb = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(m.data());
+  }
   if (node.has("deviation")) sim.deviation = read_deviation(node.at("deviation"));
   node.finish();
   return sim;
+}
+
+MonitorPatch read_monitor(const YamlNode& node) {
+  MonitorPatch patch;
+  patch.at_m = Eigen::Vector2d(node.numbers("at_mm", 2, between(-1000, 1000)).data()) / 1000;
+  patch.size_m =
+      Eigen::Vector2d(node.numbers("size_mm", 2, strictly_between(0, 1000)).data()) / 1000;
+  const YamlNode albedo = node.at("albedo");
+  std::vector<double> channels;
+  for (const YamlNode& value : albedo.items())
+    channels.push_back(value.as_number(between(0.01, 1)));
+  if (channels.size() != 3) {
+    albedo.fail(std::to_string(channels.size()) + " figures", "3: red, green, blue");
+  }
+  patch.albedo = Eigen::Array3d(channels.data());
+  patch.max_drift = node.number_or("max_drift", patch.max_drift, strictly_between(0, 1));
+  node.finish();
+  return patch;
 }
 
 InspectionConfig read_inspection(const YamlNode& node, const SensorFormat& sensor) {
@@ -201,8 +223,11 @@ InspectionConfig read_inspection(const YamlNode& node, const SensorFormat& senso
   inspection.fixture_tilt_sigma_deg = node.number("fixture_tilt_sigma_deg", YamlRange{0, 10});
   inspection.fixture_height_sigma_mm =
       node.number_or("fixture_height_sigma_mm", 0, YamlRange{0, 10});
-  inspection.colour_calibrated = node.choice("colour", {"none", "linear_srgb_d65"}) == 1;
-  if (inspection.colour_calibrated && sensor.mosaic == Mosaic::mono) {
+  inspection.part_height_mm = node.number_or("part_height_mm", 0, YamlRange{-50, 50});
+  if (node.has("monitor")) inspection.monitor = read_monitor(node.at("monitor"));
+  inspection.colour =
+      static_cast<ColourSource>(node.choice("colour", {"none", "linear_srgb_d65", "chart"}));
+  if (inspection.colour != ColourSource::none && sensor.mosaic == Mosaic::mono) {
     node.fail_at("colour", "a mono sensor measures no colour", "none");
   }
   node.finish();
@@ -269,6 +294,7 @@ void complete_simulator(StationConfig& config) {
       deviated(make_geometry(config.rig, config.camera.sensor), config.simulator.deviation);
   config.simulator.aim_W = config.simulator.deviation.aim_m;
   config.simulator.fixture_albedo = config.inspection.fixture.reflectance;
+  config.simulator.patch = config.inspection.monitor;
 }
 
 /// What a calibration depends on, in one spelling whatever the file's.
@@ -315,6 +341,7 @@ StationConfig read_station_config(const fs::path& file) {
   root.finish();
   complete_simulator(config);
   check_region(config, inspection.at("region_mm"));
+  if (config.inspection.monitor) check_monitor(config, inspection.at("monitor"));
   check_highlights(config, root.at("rig").at("lights").items());
   config.hash = sha256_hex(bytes);
   config.station_hash = sha256_hex(calibration_inputs(config));

@@ -12,12 +12,15 @@
 #include "hal/camera_settings.hpp"
 #include "hal/sim/sim_station.hpp"
 #include "model/geometry.hpp"
+#include "model/monitor_patch.hpp"
 #include "model/recipe.hpp"
 #include "model/regions.hpp"
 
 namespace brdfgate {
 
 enum class CameraBackend { simulated, v4l2, libcamera };
+/// How camera RGB becomes colour: not at all, as declared, or by a chart in the calibration alone.
+enum class ColourSource { none, linear_srgb_d65, chart };
 enum class WordOrder { abcd, cdab };  ///< of u32 and float32: big-endian words first, or swapped
 
 struct CameraConfig {
@@ -47,8 +50,13 @@ struct InspectionConfig {
   /// 10) mm; 0: taken as perfect, not estimated.
   double fixture_tilt_sigma_deg = 0.3;
   double fixture_height_sigma_mm = 0;
-  /// Camera RGB is linear sRGB, D65, 2 degrees; never with a mono sensor.
-  bool colour_calibrated = false;
+  /// Height of the parts' surface over the white reference's, -50..50 mm; optional, 0.
+  double part_height_mm = 0;
+  /// A white patch in view, optional: at_mm -1000..1000, size_mm (0, 1000), albedo (0, 1] per
+  /// channel, max_drift (0, 1).
+  std::optional<MonitorPatch> monitor;
+  /// Never with a mono sensor. What a chart in the calibration says outranks a declaration.
+  ColourSource colour = ColourSource::none;
 };
 
 struct PlcConfig {

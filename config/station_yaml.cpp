@@ -132,9 +132,20 @@ void put_simulator(Emitter& out, const SimBenchSettings& sim) {
   put(out, "vignetting", sim.vignetting);
   put(out, "led_radius_mm", converted(sim.led_radius_m * 1000));
   put(out, "white_exposure_ms", converted(sim.white_exposure_s * 1000));
+  if (sim.camera_rgb != Eigen::Matrix3d::Identity()) {
+    const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> m = sim.camera_rgb;
+    put_list(out, "camera_rgb", m.reshaped<Eigen::RowMajor>(), number_text);
+  }
   if (!(sim.deviation == SimDeviation{})) {
     put_map(out, "deviation", [&] { put_deviation(out, sim.deviation); });
   }
+}
+
+void put_monitor(Emitter& out, const MonitorPatch& patch) {
+  put_vector(out, "at_mm", patch.at_m, 1000);
+  put_vector(out, "size_mm", patch.size_m, 1000);
+  put_list(out, "albedo", patch.albedo, number_text);
+  put(out, "max_drift", patch.max_drift);
 }
 
 void put_inspection(Emitter& out, const InspectionConfig& inspection) {
@@ -149,7 +160,12 @@ void put_inspection(Emitter& out, const InspectionConfig& inspection) {
   put(out, "eta", inspection.eta);
   put(out, "fixture_tilt_sigma_deg", inspection.fixture_tilt_sigma_deg);
   put(out, "fixture_height_sigma_mm", inspection.fixture_height_sigma_mm);
-  put(out, "colour", std::string(inspection.colour_calibrated ? "linear_srgb_d65" : "none"));
+  put(out, "part_height_mm", inspection.part_height_mm);
+  if (inspection.monitor) {
+    put_map(out, "monitor", [&] { put_monitor(out, *inspection.monitor); });
+  }
+  static constexpr std::array<const char*, 3> kColour{"none", "linear_srgb_d65", "chart"};
+  put(out, "colour", std::string(kColour.at(static_cast<std::size_t>(inspection.colour))));
 }
 
 void put_judge(Emitter& out, const JudgeSettings& judge) {

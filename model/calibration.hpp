@@ -2,14 +2,20 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "model/colour_model.hpp"
 #include "model/frame.hpp"
 #include "model/geometry.hpp"
 #include "model/radiance.hpp"
 
 namespace brdfgate {
+
+/// Standard uncertainty of f where nothing is known of the reference's own radiance factor: it is
+/// taken to lie within 5 % of a Lambertian's, all values alike (rectangular: 5 % / sqrt(3)).
+inline constexpr double kUnknownWhiteSigma = 0.029;
 
 /// Where a figure of the geometry comes from.
 enum class GeometrySource { nominal, fitted, by_hand };
@@ -45,6 +51,17 @@ struct Calibration {
   /// Per light: radiance of a black gauge over the white reference's, as measured, channels'
   /// largest; what it lies over the gauge's own reflectance is stray light. Empty: not measured.
   std::vector<double> stray_share;
+  /// Per light: what the monitor patch reflects, 1/sr per channel, as measured beside the white
+  /// reference. Empty: not measured, its maker's albedo counts.
+  std::vector<Eigen::Array3d> patch_f;
+  /// Camera RGB to XYZ, from a chart; none: no reading of colour is valid but a declared one.
+  std::optional<CameraColour> colour;
+  /// Name of the table of the reference's own radiance factor that `white` was freed of; empty:
+  /// none, it is taken for Lambertian.
+  std::string white_factor;
+  /// Relative standard uncertainty of f that all its values have in common, from what is not known
+  /// of the reference (model/white_factor.hpp).
+  double white_sigma = kUnknownWhiteSigma;
   std::vector<Radiance>
       white;                 ///< reference plate under each light, ambient subtracted; [0] light 1
   std::string station_hash;  ///< of the station configuration it was made for

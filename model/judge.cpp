@@ -62,6 +62,7 @@ class Judge {
       return conclude();
     }
     judge_light(facts);
+    judge_lamps(facts);
     if (recipe_ == nullptr) {
       find(Reason::calibration_or_recipe, "no recipe is in force");
     } else if (recipe_->clusters.empty()) {
@@ -110,6 +111,11 @@ class Judge {
                                       percent(settings_.max_clipped)
                                 : "the clipped share is not known");
     }
+  }
+
+  void judge_lamps(const PartFacts& facts) {
+    for (std::string& text : drifted_lamps(facts))
+      find(Reason::calibration_or_recipe, std::move(text));
   }
 
   void judge_regions(const PartFacts& facts) {
@@ -249,6 +255,24 @@ class Judge {
 };
 
 }  // namespace
+
+std::vector<std::string> drifted_lamps(const PartFacts& facts) {
+  std::vector<std::string> out;
+  for (std::size_t l = 0; l < facts.lamp_drift.size(); ++l) {
+    const double drift = facts.lamp_drift[l];
+    const std::string lamp = "calibration: light " + std::to_string(l + 1);
+    if (!std::isfinite(drift)) {
+      out.push_back(lamp +
+                    " cannot be checked: the monitor patch is covered, dirty, clipped or out of "
+                    "view");
+    } else if (std::abs(drift) > facts.max_lamp_drift) {
+      out.push_back(lamp + " drifted by " + (drift > 0 ? "+" : "") + percent(drift) +
+                    ", over its limit " + percent(facts.max_lamp_drift) +
+                    " (lamp or patch: clean it, then calibrate)");
+    }
+  }
+  return out;
+}
 
 Judgement judge(const Recipe* recipe, const JudgeSettings& settings,
                 std::vector<ClusterResult>& clusters,

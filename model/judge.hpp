@@ -3,6 +3,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "model/observation.hpp"
@@ -18,7 +19,12 @@ struct PartFacts {
   double clipped = 0;        ///< share of the part's cells
   double unknown_share = 0;  ///< share of the part's cells that no taught cluster explains
   std::vector<Defect> defects;
+  std::vector<double> lamp_drift;  ///< per light, relative; empty: not watched
+  double max_lamp_drift = 0;       ///< beyond it, either way, nothing is judged
 };
+
+/// In words, per lamp that drifted beyond the limit or of which nothing is known.
+std::vector<std::string> drifted_lamps(const PartFacts& facts);
 
 struct Judgement {
   Verdict verdict = Verdict::not_judged;

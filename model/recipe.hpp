@@ -57,6 +57,7 @@ struct Recipe {
   std::string basis_checksum;    ///< it belongs to
   int channels = 3;
   int components = 0;
+  double part_height_mm = 0;  ///< of the taught parts' surface over the white reference's
   JudgeSettings settings;
   std::vector<TaughtCluster> clusters;  ///< 1..8
   std::vector<std::string> warnings;    ///< e.g. taught from one part

@@ -133,14 +133,15 @@ void convert(const Radiance& part, const Radiance& white, const cv::Mat& factor,
 }
 
 Reflectance convert_light(const Radiance& part, const Calibration& calibration, std::size_t light,
-                          const PartPlane& plane) {
+                          const PartPlane& plane, const Eigen::Array3d& lamp) {
   const Radiance& white = calibration.white[light];
   check_layout("light " + std::to_string(light + 1), part.value, white.value);
   cv::Mat factor;
   if (!plane.in_reference_plane()) factor = plane_factor(calibration, light, plane);
   std::array<float, 3> scale{};
   for (std::size_t c = 0; c < scale.size(); ++c)
-    scale[c] = static_cast<float>(calibration.white_reflectance[c] / std::numbers::pi);
+    scale[c] = static_cast<float>(calibration.white_reflectance[c] / std::numbers::pi /
+                                  lamp[static_cast<Eigen::Index>(c)]);
   Reflectance out;
   out.value.create(part.value.size(), part.value.type());
   out.variance.create(part.value.size(), part.value.type());
@@ -193,7 +194,8 @@ std::vector<Reflectance> to_reflectance(const RadianceSet& radiance, const Calib
 }
 
 std::vector<Reflectance> to_reflectance(const RadianceSet& radiance, const Calibration& calibration,
-                                        const PartPlane& plane) {
+                                        const PartPlane& plane,
+                                        const std::vector<Eigen::Array3d>& lamps) {
   if (radiance.lights.size() != calibration.white.size() ||
       (!plane.in_reference_plane() &&
        calibration.geometry.lights_W.size() != calibration.white.size())) {
@@ -201,8 +203,13 @@ std::vector<Reflectance> to_reflectance(const RadianceSet& radiance, const Calib
                      std::to_string(calibration.white.size()) + " as calibrated");
   }
   std::vector<Reflectance> out;
-  for (std::size_t l = 0; l < radiance.lights.size(); ++l)
-    out.push_back(convert_light(radiance.lights[l], calibration, l, plane));
+  for (std::size_t l = 0; l < radiance.lights.size(); ++l) {
+    const Eigen::Array3d lamp = lamps.empty() ? Eigen::Array3d::Ones() : lamps.at(l);
+    if (!(lamp > 0).all()) {
+      throw InputError("light " + std::to_string(l + 1), "gives no light", "a level over 0");
+    }
+    out.push_back(convert_light(radiance.lights[l], calibration, l, plane, lamp));
+  }
   return out;
 }
 

@@ -32,8 +32,11 @@ struct PartPlane {
 std::vector<Reflectance> to_reflectance(const RadianceSet& radiance, const Calibration& calibration,
                                         double height_m = 0);
 /// The same for a part whose plane is known: eq. 20 with the part's own normal and distance.
+/// @param lamps  per light and channel: its light now over the calibration's, f is divided by it
+///               (model/lamp_monitor.hpp); empty: as calibrated
 std::vector<Reflectance> to_reflectance(const RadianceSet& radiance, const Calibration& calibration,
-                                        const PartPlane& plane);
+                                        const PartPlane& plane,
+                                        const std::vector<Eigen::Array3d>& lamps = {});
 
 /// Ambient light as a share of the white reference's signal under light 2, colours summed: median
 /// over every second row and column of `cells` (CV_8UC1).

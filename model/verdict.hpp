@@ -131,6 +131,10 @@ struct PartResult {
   double height_sigma_mm = 0;
   double ambient = 0;  ///< share of white
   double clipped = 0;  ///< share of the part's cells
+  /// Relative standard uncertainty that all of f has in common: the white reference's.
+  double white_sigma = 0;
+  /// Per light, against the calibration; NaN: not known. Empty: no monitor patch.
+  std::vector<double> lamp_drift;
   std::vector<Defect> defects;
   std::vector<ClusterResult> clusters;
   Regions regions;

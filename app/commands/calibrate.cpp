@@ -13,6 +13,10 @@
 #include "app/hand_geometry.hpp"
 #include "app/progress.hpp"
 #include "app/session.hpp"
+#include "app/white_factor_file.hpp"
+#include "config/chart_reader.hpp"
+#include "model/camera_colour.hpp"
+#include "model/lamp_monitor.hpp"
 #include "model/linearity.hpp"
 #include "model/reference_upkeep.hpp"
 
@@ -36,6 +40,10 @@ struct CalibrateOptions {
   double square_mm = 8;
   std::filesystem::path geometry;
   std::vector<std::pair<double, std::filesystem::path>> raised_whites;  ///< height in mm, folder
+  std::filesystem::path chart;  ///< file of another chart than the classic one
+  ColourModel colour_model = ColourModel::matrix;
+  std::filesystem::path white_factor;
+  double white_factor_sigma = 0.005;
 };
 
 /// Everything that was recorded, by what it is for.
@@ -44,6 +52,8 @@ struct Gathered {
   GeometryInput geometry;
   std::vector<NamedCapture> blacks;
   std::vector<Capture> sweep;
+  std::vector<NamedCapture> charts;
+  std::vector<NamedCapture> nests;  ///< open, or a part in it: the monitor patch is in view
 };
 
 Recording read_checked(const std::filesystem::path& dir, const StationConfig& config) {
@@ -75,7 +85,11 @@ void sort_in(const std::filesystem::path& dir, Recording&& recording, Gathered& 
     case RecordingRole::ptc:
       gathered.sweep.push_back(std::move(recording.capture));
       return;
+    case RecordingRole::chart:
+      gathered.charts.push_back({dir.string(), std::move(recording.capture)});
+      return;
     case RecordingRole::part:
+      gathered.nests.push_back({dir.string(), std::move(recording.capture)});
       return;
   }
 }
@@ -163,6 +177,72 @@ void measure_stray(const Gathered& gathered, Calibration& calibration) {
   }
 }
 
+/// What the chart's patches looked like to the camera, for the report.
+struct ChartSeen {
+  ColourChart chart;
+  std::vector<Eigen::Array3d> rgb;  ///< mean over the recordings
+};
+
+/// Camera RGB to XYZ from the recordings of the chart, where there are any.
+std::optional<ChartSeen> calibrate_colour(const CalibrateOptions& options, const Gathered& gathered,
+                                          Calibration& calibration) {
+  if (gathered.charts.empty()) return std::nullopt;
+  ChartSeen seen;
+  seen.chart = options.chart.empty() ? classic_chart() : read_chart(options.chart);
+  seen.rgb.assign(seen.chart.patches.size(), Eigen::Array3d::Zero());
+  const double n = static_cast<double>(gathered.charts.size());
+  for (const NamedCapture& chart : gathered.charts) {
+    Capture levelled = chart.capture;  // shares the counts
+    levelled.sensor = calibration.sensor;
+    const int lights = static_cast<int>(calibration.white.size());
+    try {
+      const auto f = to_reflectance(to_radiance(levelled, calibration.noise, lights), calibration);
+      const auto rgb = chart_rgb(f, calibration, seen.chart);
+      for (std::size_t i = 0; i < rgb.size(); ++i)
+        seen.rgb[i] += rgb[i] / n;
+    } catch (const InputError& error) {
+      throw InputError(chart.name, error.what());
+    }
+  }
+  calibration.colour = fit_camera_colour(seen.rgb, seen.chart, options.colour_model);
+  return seen;
+}
+
+/// The patch's own reflectance, of the last recording in which it is in view.
+void measure_monitor(const Gathered& gathered, const StationConfig& config,
+                     Calibration& calibration) {
+  for (const NamedCapture& nest : gathered.nests) {
+    if (!config.inspection.monitor) {
+      throw InputError(nest.name, "is of a part or the open nest, which calibrates a monitor patch",
+                       "inspection.monitor in the station file, or no such recording");
+    }
+    Capture levelled = nest.capture;  // shares the counts
+    levelled.sensor = calibration.sensor;
+    const int lights = static_cast<int>(calibration.white.size());
+    try {
+      calibration.patch_f = measure_patch(to_radiance(levelled, calibration.noise, lights).lights,
+                                          calibration, *config.inspection.monitor);
+    } catch (const InputError& error) {
+      throw InputError(nest.name, error.what());
+    }
+  }
+}
+
+/// Geometry, with the white reference freed of its own radiance factor where that is known: first
+/// with the angles of the rig as drawn, in the end with those found.
+GeometryResult place(const CalibrateOptions& options, const Gathered& gathered,
+                     Calibration& calibration) {
+  if (options.white_factor.empty()) return calibrate_geometry(gathered.geometry, calibration);
+  WhiteFactorTable table = read_white_factor(options.white_factor, calibration.white.size());
+  table.sigma = options.white_factor_sigma;
+  const StationGeometry drawn = calibration.geometry;
+  apply_white_factor(table, drawn, calibration);
+  const GeometryResult found = calibrate_geometry(gathered.geometry, calibration);
+  apply_white_factor(table, drawn, calibration, true);
+  apply_white_factor(table, calibration.geometry, calibration);
+  return found;
+}
+
 void compare_with_last(const CalibrateOptions& options, const Calibration& calibration,
                        Upkeep& upkeep) {
   if (options.last.empty()) return;
@@ -213,6 +293,32 @@ nlohmann::json lights_report(const Calibration& c, const GeometryResult& found) 
   return out;
 }
 
+nlohmann::json colour_report(const CameraColour& colour, const ChartSeen& seen) {
+  const std::vector<double> residuals = chart_residuals(colour, seen.rgb, seen.chart);
+  nlohmann::json patches = nlohmann::json::array();
+  for (std::size_t i = 0; i < residuals.size(); ++i) {
+    const Eigen::Array3d& xyz = seen.chart.patches[i].xyz;
+    const Eigen::Array3d& rgb = seen.rgb[i];
+    patches.push_back({{"name", seen.chart.patches[i].name},
+                       {"rgb", {rgb[0], rgb[1], rgb[2]}},
+                       {"xyz", {xyz[0], xyz[1], xyz[2]}},
+                       {"de00", residuals[i]}});
+  }
+  nlohmann::json rows = nlohmann::json::array();
+  for (Eigen::Index r = 0; r < 3; ++r) {
+    rows.emplace_back(
+        std::vector<double>(colour.to_xyz.row(r).begin(), colour.to_xyz.row(r).end()));
+  }
+  return {{"chart", colour.chart},
+          {"chart_illuminant", colour.illuminant},
+          {"illuminant", "D65"},
+          {"observer_deg", 2},
+          {"to_xyz", rows},
+          {"de00_mean", colour.de00_mean},
+          {"de00_max", colour.de00_max},
+          {"patches", patches}};
+}
+
 void add_upkeep(nlohmann::json& out, const Calibration& c, const Upkeep& upkeep) {
   if (upkeep.sweep) {
     out["photon_transfer"] = {{"points", upkeep.sweep->points.size()},
@@ -224,6 +330,10 @@ void add_upkeep(nlohmann::json& out, const Calibration& c, const Upkeep& upkeep)
   }
   if (!upkeep.drift.empty()) out["lamp_drift"] = upkeep.drift;
   if (!c.stray_share.empty()) out["stray_share"] = c.stray_share;
+  out["white_sigma"] = c.white_sigma;
+  if (!c.white_factor.empty()) out["white_factor"] = c.white_factor;
+  for (const Eigen::Array3d& f : c.patch_f)
+    out["monitor_patch_f"].push_back({f[0], f[1], f[2]});
   if (upkeep.days_until_due) {
     out["days_until_due"] = *upkeep.days_until_due;
     out["calibration_due"] = *upkeep.days_until_due < 0;
@@ -292,6 +402,15 @@ void print_upkeep(const Calibration& c, const Upkeep& upkeep) {
   for (std::size_t l = 0; l < c.stray_share.size(); ++l)
     fmt::print("light {}: the black gauge shows {:.3f} % of white\n", l + 1,
                100 * c.stray_share[l]);
+  for (std::size_t l = 0; l < c.patch_f.size(); ++l)
+    fmt::print("light {}: the monitor patch reflects as a {:.3f} white\n", l + 1,
+               EIGEN_PI * c.patch_f[l].mean());
+  if (c.colour) {
+    fmt::print("colour: {} ({}) to XYZ, D65, 2 deg; residual {:.2f} CIEDE2000 mean, {:.2f} max\n",
+               c.colour->chart, c.colour->illuminant, c.colour->de00_mean, c.colour->de00_max);
+  }
+  fmt::print("white reference: {}, f uncertain by {:.1f} % in common\n",
+             c.white_factor.empty() ? "taken for Lambertian" : c.white_factor, 100 * c.white_sigma);
   if (!upkeep.days_until_due) return;
   if (*upkeep.days_until_due < 0) {
     fmt::print("calibration_due: the white reference's certificate ended on {}\n",
@@ -304,7 +423,10 @@ void print_upkeep(const Calibration& c, const Upkeep& upkeep) {
 /// Beginners get the two things that they must record; the rest is optional and said to be.
 void add_options(CLI::App& command, CalibrateOptions& o) {
   o.session.add_to(command);
-  command.add_option("--from", o.from, "folders with dark, white, board, mirror, black recordings")
+  command
+      .add_option(
+          "--from", o.from,
+          "folders with dark, white, board, mirror, black, chart recordings, and of the open nest")
       ->required();
   command.add_option("--out", o.out, "calibration file to write (.exr)")->required();
   command
@@ -326,6 +448,15 @@ void add_options(CLI::App& command, CalibrateOptions& o) {
   command.add_option("--last", o.last, "the calibration before: tells how the lamps drifted");
   command.add_option("--max-drift", o.most_drift, "of a lamp; beyond, the exit code is 1")
       ->check(CLI::Range(0.0, 10.0));
+  command.add_option("--chart", o.chart, "file of the colour chart, unless the classic 24 patches");
+  static const std::map<std::string, ColourModel> models{
+      {"matrix", ColourModel::matrix}, {"root-polynomial", ColourModel::root_polynomial}};
+  command.add_option("--colour-model", o.colour_model, "matrix or root-polynomial")
+      ->transform(CLI::CheckedTransformer(models));
+  command.add_option("--white-factor", o.white_factor,
+                     "CSV of the white plate's own radiance factor: light,theta_h_deg,factor");
+  command.add_option("--white-factor-sigma", o.white_factor_sigma, "its relative uncertainty")
+      ->check(CLI::Range(0.0, 0.5));
   command.add_option("--raised-white", o.raised_whites,
                      "height in mm and folder of the white plate on a spacer");
 }
@@ -350,8 +481,10 @@ void add_calibrate(CLI::App& tool, int& exit_code) {
     Calibration calibration = calibrate(gathered.levels);
     Upkeep upkeep;
     use_sweep(gathered, calibration, upkeep);
-    const GeometryResult found = calibrate_geometry(gathered.geometry, calibration);
+    const GeometryResult found = place(*options, gathered, calibration);
     measure_stray(gathered, calibration);
+    measure_monitor(gathered, config, calibration);
+    const auto chart = calibrate_colour(*options, gathered, calibration);
     calibration.station_hash = config.station_hash;
     calibration.created = utc_now();
     calibration.certificate = options->certificate;
@@ -362,6 +495,7 @@ void add_calibrate(CLI::App& tool, int& exit_code) {
     if (options->session.json) {
       nlohmann::json out = report(calibration, gathered, found);
       add_upkeep(out, calibration, upkeep);
+      if (chart) out["colour"] = colour_report(*calibration.colour, *chart);
       fmt::print("{}\n", out.dump(2));
     } else {
       print_summary(calibration, gathered, found, options->out);

@@ -35,6 +35,8 @@ RecordingRole role_of(const Scene& scene) {
       return RecordingRole::mirror;
     case SceneTarget::black:
       return RecordingRole::black;
+    case SceneTarget::chart:
+      return RecordingRole::chart;
   }
   return RecordingRole::part;
 }

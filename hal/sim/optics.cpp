@@ -113,6 +113,20 @@ Rgb reflected(const PartSurface& part, const PlaneView& view, const Vector3d& p,
   return mean;
 }
 
+/// Albedo of what lies around the part, at a point of the plane z = 0.
+const Rgb& fixture_albedo(const SimBenchSettings& settings, const Vector3d& p_W) {
+  if (!settings.patch) return settings.fixture_albedo;
+  const MonitorPatch& patch = *settings.patch;
+  const bool on_patch =
+      ((p_W.head<2>() - patch.at_m).array().abs() <= patch.size_m.array() / 2).all();
+  return on_patch ? patch.albedo : settings.fixture_albedo;
+}
+
+/// What the camera's channels make of a colour; no light is negative.
+Rgb seen_by_camera(const SimBenchSettings& settings, const Rgb& linear_srgb) {
+  return (settings.camera_rgb * linear_srgb.matrix()).array().max(0.0);
+}
+
 float pick(const Rgb& value, int channel) {
   return static_cast<float>(channel < 0 ? value.mean() : value[channel]);
 }
@@ -174,14 +188,14 @@ cv::Mat SimOptics::render_light(const PartSurface& part, const Eigen::Isometry3d
       settings_.aim_W.empty() ? 1 : emitter.axis_W.dot(-emitter.centre_W) / distance;
   const double centre_geometry = cos_e * emitter.centre_W.z() / std::pow(distance, 3);
   const double gain = white_rate_e_s() / (sim_target::kWhiteReflectance / pi * centre_geometry);
-  const Rgb fixture_f = settings_.fixture_albedo / pi;
   return shade_sensor(settings_, gain, [&](const Vector3d& ray_W) -> Rgb {
     Vector3d p;
     if (meet_plane(on_part, ray_W, p) && part.covers(p.head<2>())) {
-      return reflected(part, on_part, p, reach);
+      return seen_by_camera(settings_, reflected(part, on_part, p, reach));
     }
     if (!meet_plane(on_fixture, ray_W, p)) return Rgb::Zero();
-    return arrival(on_fixture, on_fixture.emitter[0], p).geometry * fixture_f;
+    return arrival(on_fixture, on_fixture.emitter[0], p).geometry * fixture_albedo(settings_, p) /
+           pi;
   });
 }
 
@@ -194,9 +208,10 @@ cv::Mat SimOptics::render_ambient(const PartSurface& part, const Eigen::Isometry
   return shade_sensor(settings_, gain, [&](const Vector3d& ray_W) -> Rgb {
     Vector3d p;
     if (meet_plane(on_part, ray_W, p) && part.covers(p.head<2>())) {
-      return part.ambient_reflectance(p.head<2>());
+      return seen_by_camera(settings_, part.ambient_reflectance(p.head<2>()));
     }
-    return meet_plane(on_fixture, ray_W, p) ? settings_.fixture_albedo : Rgb::Zero();
+    if (!meet_plane(on_fixture, ray_W, p)) return Rgb::Zero();
+    return fixture_albedo(settings_, p);
   });
 }
 

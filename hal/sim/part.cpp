@@ -6,6 +6,7 @@
 #include <string>
 
 #include "hal/sim/random.hpp"
+#include "model/colour_chart.hpp"
 #include "model/error.hpp"
 
 namespace brdfgate {
@@ -167,6 +168,12 @@ PartSurface::PartSurface(const Scene& scene, const BrdfChange& variation) : targ
                                            sim_target::kMirrorAlpha}),
                    {});
       return;
+    case SceneTarget::chart:
+      // Linear sRGB, out of its gamut too: the camera's own channels may see what sRGB's cannot.
+      for (const ChartPatch& patch : classic_chart().patches)
+        add_material(make_brdf(LambertParameters{xyz_to_linear_srgb(patch.xyz)}), {});
+      add_material(lambert(sim_target::kChartFrame), {});
+      return;
     case SceneTarget::board:
       add_material(lambert(sim_target::kBoardBlack), {});
       add_material(lambert(sim_target::kBoardWhite), {});
@@ -238,6 +245,10 @@ std::size_t PartSurface::material_at(const Eigen::Vector2d& p_P) const {
                                    std::clamp(column, 0, regions_.cols - 1));
 }
 
+const PartSurface::Material& PartSurface::chart_material(const Eigen::Vector2d& p_P) const {
+  return materials_[classic_chart().patch_at(p_P)];
+}
+
 double PartSurface::board_whiteness(const Eigen::Vector2d& p_P) const {
   const double x = p_P.x() / sim_target::kBoardPitchM + (board_.cols - 1) / 2.0;
   const double y = (board_.rows - 1) / 2.0 - p_P.y() / sim_target::kBoardPitchM;
@@ -271,6 +282,7 @@ Rgb PartSurface::f(const Eigen::Vector2d& p_P, const HalfDiff& angles) const {
     return (1 - white) * materials_[0].brdf->eval(angles) +
            white * materials_[1].brdf->eval(angles);
   }
+  if (target_ == SceneTarget::chart) return chart_material(p_P).brdf->diffuse(angles.theta_d);
   const Material& material = materials_[material_at(p_P)];
   if (defects_.empty()) return material.brdf->eval(angles);
   Rgb diffuse = material.brdf->diffuse(angles.theta_d);
@@ -300,6 +312,7 @@ Rgb PartSurface::ambient_reflectance(const Eigen::Vector2d& p_P) const {
     const double white = board_whiteness(p_P);
     return (1 - white) * materials_[0].ambient_diffuse + white * materials_[1].ambient_diffuse;
   }
+  if (target_ == SceneTarget::chart) return chart_material(p_P).ambient_diffuse;
   const Material& material = materials_[material_at(p_P)];
   Rgb diffuse = material.ambient_diffuse;
   Rgb specular = material.ambient_specular;

@@ -27,6 +27,8 @@ inline constexpr double kBoardSquareM = 0.008;
 inline constexpr double kBoardPitchM = 0.0001;  ///< of the printed pattern's dots
 inline constexpr double kBoardWhite = 0.9;
 inline constexpr double kBoardBlack = 0.03;
+/// Between and around the patches of the colour chart (model/colour_chart.hpp's classic one).
+inline constexpr double kChartFrame = 0.03;
 }  // namespace sim_target
 
 /// What a part got by chance. The relative factors of `variation` hold for all its materials.
@@ -90,6 +92,7 @@ class PartSurface {
   std::size_t material_at(const Eigen::Vector2d& p_P) const;
   /// 0 on a black square of the board, 1 on a white one and around.
   double board_whiteness(const Eigen::Vector2d& p_P) const;
+  const Material& chart_material(const Eigen::Vector2d& p_P) const;
   static double coverage(const Defect& defect, const Eigen::Vector2d& p_P);
 
   SceneTarget target_;

@@ -12,7 +12,7 @@
 
 namespace brdfgate {
 
-enum class SceneTarget { part, white, board, mirror, black };
+enum class SceneTarget { part, white, board, mirror, black, chart };
 enum class DefectKind { stain, scratch, dull, dust };
 
 /// Offset from the taught pose, in the scene file's units.

@@ -3,12 +3,14 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 
 #include "hal/camera.hpp"
 #include "hal/lights.hpp"
 #include "hal/sim/scene.hpp"
 #include "hal/trigger.hpp"
 #include "model/geometry.hpp"
+#include "model/monitor_patch.hpp"
 
 namespace brdfgate {
 
@@ -42,7 +44,11 @@ struct SimBenchSettings {
   double white_exposure_s =
       0.008;  ///< a 0.99 Lambertian at the centre reaches half of full well in this
   Rgb fixture_albedo{0.01, 0.25, 0.40};
-  SimDeviation deviation{};  ///< what geometry and aim_W were made with: for the record
+  /// What the camera's channels make of linear sRGB: rows red, green, blue. Fixture and monitor
+  /// patch are given as the camera sees them.
+  Eigen::Matrix3d camera_rgb = Eigen::Matrix3d::Identity();
+  std::optional<MonitorPatch> patch{};  ///< on the fixture, Lambertian
+  SimDeviation deviation{};             ///< what geometry and aim_W were made with: for the record
 };
 
 /// Bench, camera and lights. A light that was not switched on leaves the frame dark. Deterministic:

@@ -29,7 +29,8 @@ Calibration parsed(const std::string& text) {
 
 TEST_CASE("a calibration without a fitted geometry says nothing that old files did not") {
   const std::string text = text_of(plain());
-  for (const char* key : {"source", "distortion", "certificate", "stray"})
+  for (const char* key :
+       {"source", "distortion", "certificate", "stray", "monitor", "colour", "white_factor"})
     CHECK_THAT(text, !Catch::Contains(key));
 }
 
@@ -40,12 +41,27 @@ TEST_CASE("lens, sources, certificate and stray light come back from a head") {
   c.quality.lights = {{GeometrySource::by_hand, 0.001, 0}, {}};
   c.certificate = {"SRT-99-020", "2026-01-02", "2027-01-02"};
   c.stray_share = {0.005, -0.0001};
+  c.patch_f = {{0.29, 0.28, 0.27}, {0.3, 0.31, 0.32}};
+  c.white_factor = "PTB 1234";
+  c.white_sigma = 0.004;
+  c.colour = CameraColour{
+      ColourModel::root_polynomial, Eigen::MatrixXd::Random(3, 6), "a chart", "D50", 0.7, 2.1};
   const Calibration r = parsed(text_of(c));
+  CHECK(r.white_factor == "PTB 1234");
+  CHECK(r.white_sigma == 0.004);
+  REQUIRE(r.colour);
+  CHECK(r.colour->model == ColourModel::root_polynomial);
+  CHECK(r.colour->to_xyz == c.colour->to_xyz);
+  CHECK(r.colour->chart == "a chart");
+  CHECK(r.colour->illuminant == "D50");
+  CHECK(r.colour->de00_max == 2.1);
   CHECK(r.geometry.camera.distortion == c.geometry.camera.distortion);
   CHECK(r.quality.camera == c.quality.camera);
   CHECK(r.quality.lights == c.quality.lights);
   CHECK(r.certificate == c.certificate);
   CHECK(r.stray_share == c.stray_share);
+  REQUIRE(r.patch_f.size() == 2);
+  CHECK((r.patch_f[1] == c.patch_f[1]).all());
   CHECK(text_of(r) == text_of(c));
 }
 

@@ -28,6 +28,7 @@ Recipe taught_recipe(int clusters = 2, int channels = 3) {
   recipe.basis_checksum = "0123456789";  // reads as a number unless quoted
   recipe.channels = channels;
   recipe.components = 4;
+  recipe.part_height_mm = 2.125;
   recipe.settings.monitored_weights = 2;
   recipe.settings.max_ambient = 0.1234567890123;
   recipe.settings.min_bins = 33;
@@ -90,6 +91,7 @@ TEST_CASE("A recipe comes back from its file with every field", "[recipe_file]")
     const Recipe written = taught_recipe(2, channels);
     write_recipe(dir / "a.yaml", written);
     const Recipe r = read_recipe(dir / "a.yaml");
+    CHECK(r.part_height_mm == 2.125);
     CHECK(r.id == 7);
     CHECK(r.name == written.name);
     CHECK(r.created == written.created);

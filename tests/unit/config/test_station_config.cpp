@@ -1,3 +1,4 @@
+#include <array>
 #include <random>
 #include <set>
 
@@ -72,7 +73,7 @@ TEST_CASE("A station is read with its units turned to SI and its paths resolved"
   CHECK(config.simulator.fixture_albedo[2] == 0.4);
   CHECK(config.simulator.geometry.lights_W.size() == 2);
   CHECK(config.simulator.geometry.camera.position().norm() == Approx(0.18));
-  CHECK(config.inspection.colour_calibrated);
+  CHECK(config.inspection.colour == brdfgate::ColourSource::linear_srgb_d65);
   CHECK(config.judge.min_bins == 20);
   CHECK(config.plc.word_order == brdfgate::WordOrder::abcd);
   CHECK(config.files.basis == dir / "basis/merl.basis");
@@ -158,6 +159,40 @@ TEST_CASE("Every rule of the station file complains at its place with its path")
   CAPTURE(bad.from, bad.to, message, place);
   CHECK(contains(message, place + " (" + bad.path + "): "));
   CHECK(contains(message, bad.what));
+}
+
+TEST_CASE("A monitor patch and a part's height are read, printed and checked") {
+  const TempDir dir;
+  const std::string patch =
+      "  part_height_mm: 2.5\n  monitor: {at_mm: [-56, 4], size_mm: [12, 10], "
+      "albedo: [0.9, 0.89, 0.88], max_drift: 0.03}\n";
+  const auto with = [&](const std::string& lines) {
+    return replaced(sample(), "  colour: linear_srgb_d65\n", lines + "  colour: linear_srgb_d65\n");
+  };
+  const StationConfig config = read_text(dir, with(patch));
+  CHECK(config.inspection.part_height_mm == 2.5);
+  REQUIRE(config.inspection.monitor);
+  CHECK(config.inspection.monitor->at_m.x() == -0.056);
+  CHECK(config.inspection.monitor->size_m.y() == 0.010);
+  CHECK(config.inspection.monitor->albedo[2] == 0.88);
+  CHECK(config.inspection.monitor->max_drift == 0.03);
+  REQUIRE(config.simulator.patch);
+  CHECK(to_yaml(read_text(dir, to_yaml(config))) == to_yaml(config));
+  // The patch is no part of what a calibration of sensor and rig depends on.
+  CHECK(config.station_hash == read_text(dir, sample()).station_hash);
+  CHECK_FALSE(read_text(dir, sample()).inspection.monitor);
+  for (const auto& [from, to, what] : std::vector<std::array<std::string, 3>>{
+           {"[-56, 4]", "[-46, 4]", "(inspection.monitor.at_mm): the patch reaches into"},
+           {"[-56, 4]", "[-100, 0]", "beyond the camera's view"},
+           {"0.88]", "1.2]", "inspection.monitor.albedo"},
+           {", 0.88]", "]", "2 figures"},
+           {"size_mm: [12, 10]", "size_mm: [0, 10]", "inspection.monitor.size_mm"},
+           {"max_drift: 0.03", "max_drift: 1", "inspection.monitor.max_drift"},
+           {"part_height_mm: 2.5", "part_height_mm: 51", "inspection.part_height_mm"}}) {
+    CAPTURE(from, to);
+    CHECK(contains(input_error([&] { return read_text(dir, with(replaced(patch, from, to))); }),
+                   what));
+  }
 }
 
 TEST_CASE("What the file says optional may be left out") {

@@ -158,6 +158,18 @@ TEST_CASE("What cannot be measured is not judged, and says why", "[judge]") {
        "ambient light is 6 % of white, over its limit 5 %"},
       {"clipped", [](Case& c) { c.facts.clipped = 0.03; }, bit(Reason::clipped),
        "3 % of the part is clipped"},
+      {"a lamp that drifted",
+       [](Case& c) {
+         c.facts.max_lamp_drift = 0.05;
+         c.facts.lamp_drift = {0.02, -0.06};
+       },
+       bit(Reason::calibration_or_recipe), "light 2 drifted by -6 %, over its limit 5 %"},
+      {"a lamp of which nothing is known",
+       [](Case& c) {
+         c.facts.max_lamp_drift = 0.05;
+         c.facts.lamp_drift = {kNaN, 0};
+       },
+       bit(Reason::calibration_or_recipe), "light 1 cannot be checked"},
       {"few bins", [](Case& c) { c.clusters[1].bins = 19; }, bit(Reason::coverage),
        "cluster 'print' was seen in 19 angular bins"},
       {"no part",

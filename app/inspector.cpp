@@ -50,6 +50,18 @@ Capture with_measured_black(const Capture& capture, const SensorFormat& calibrat
   return {calibrated, capture.frames};
 }
 
+/// Per cluster: share of the cells that its taught label covers that have it; 1 where none does.
+std::vector<double> shares_in_place(const Regions& regions, const cv::Mat& taught) {
+  std::vector<double> shares;
+  for (int k = 0; k < regions.clusters; ++k) {
+    const cv::Mat place = taught == k;
+    const int cells = cv::countNonZero(place);
+    const int found = cv::countNonZero(place & (regions.label == k));
+    shares.push_back(cells > 0 ? double(found) / cells : 1);
+  }
+  return shares;
+}
+
 double clipped_share(const std::vector<Reflectance>& r, const cv::Mat& part) {
   const int cells = cv::countNonZero(part);
   if (cells == 0) return 0;
@@ -108,22 +120,6 @@ void add_readings(ClusterResult& cluster, const BrdfPtr& brdf, const PeakSight& 
   }
 }
 
-/// The frame of some of the station's bins.
-BinFrame frame_of_bins(const std::vector<int>& ids, const BinMap& bins) {
-  BinFrame frame;
-  for (const int id : ids) {
-    const auto i = static_cast<std::size_t>(id);
-    if (id < 0 || id >= bins.bins()) {
-      throw InputError("recipe", "bin " + std::to_string(id) + " is none of the station's",
-                       "0 to " + std::to_string(bins.bins() - 1));
-    }
-    frame.id.push_back(id);
-    frame.light.push_back(bins.light[i]);
-    frame.directions.push_back(bins.mean_angles[i]);
-  }
-  return frame;
-}
-
 }  // namespace
 
 Inspector::Inspector(const StationConfig& config, std::shared_ptr<const Basis> basis,
@@ -179,7 +175,13 @@ RecipeInForce Inspector::bring_into_force(Recipe recipe) const {
       if (map_.bins.light[bin] != 2) look.log_f.row(bin) = std::numeric_limits<double>::quiet_NaN();
     }
     force.appearance.push_back(std::move(look));
-    force.frames.push_back(frame_of_bins(cluster.bin_id, map_.bins));
+    for (const int id : cluster.directions.frame.id) {
+      if (id < 0 || id >= map_.bins.bins()) {
+        throw InputError(where, "bin " + std::to_string(id) + " is none of the station's",
+                         "0 to " + std::to_string(map_.bins.bins() - 1));
+      }
+    }
+    force.frames.push_back(cluster.directions.frame);
   }
   return force;
 }
@@ -222,18 +224,35 @@ const JudgeSettings& Inspector::settings_for(const RecipeInForce* recipe) const 
   return recipe != nullptr ? recipe->recipe.settings : judge_;
 }
 
-Regions Inspector::regions_of(const std::vector<Reflectance>& r,
-                              const RecipeInForce* recipe) const {
+cv::Mat Inspector::place(Inspection& part, const cv::Mat& not_part, const Recipe& recipe) const {
+  if (recipe.layout.empty()) return {};
+  const Registration found = register_part(recipe.layout, part.reflectance, map_.cells, not_part);
+  const PlanarPose& taught = recipe.layout.taught;
+  const Eigen::Vector2d shift = 1e3 * (found.pose.shift_m - taught.shift_m);
+  part.result.shift_mm = {shift.x(), shift.y()};
+  part.result.rotation_deg = (found.pose.rotation - taught.rotation) / kDegree;
+  if (found.agreement < kLeastAgreement) {
+    part.facts.pose_problem =
+        "the taught outline and regions were not found: wrong face, wrong part or out of view";
+  }
+  return expected_labels(recipe.layout, found.pose, map_.cells);
+}
+
+Regions Inspector::regions_of(Inspection& part, const RecipeInForce* recipe) const {
+  const std::vector<Reflectance>& r = part.reflectance;
   const cv::Mat not_part = cells_that_are_not_part(r, map_.cells, settings_.fixture);
-  const int part = static_cast<int>(not_part.total()) - cv::countNonZero(not_part);
-  const double coverage = double(part) / std::max(1, cv::countNonZero(map_.cells.inside));
+  const int cells = static_cast<int>(not_part.total()) - cv::countNonZero(not_part);
+  const double coverage = double(cells) / std::max(1, cv::countNonZero(map_.cells.inside));
   if (coverage < settings_for(recipe).min_coverage) {
     const cv::Mat nothing(not_part.size(), CV_8U, cv::Scalar(kNotPart));
     return {nothing, recipe != nullptr ? static_cast<int>(recipe->appearance.size()) : 0, coverage};
   }
   if (recipe == nullptr) return find_regions(r, map_.cells, not_part, settings_.max_clusters);
-  return assign_regions(r, map_.bins, not_part, recipe->appearance,
-                        recipe->recipe.settings.assign_tolerance);
+  const cv::Mat taught = place(part, not_part, recipe->recipe);
+  Regions regions = assign_regions(r, map_.bins, not_part, recipe->appearance,
+                                   recipe->recipe.settings.assign_tolerance, taught);
+  if (!taught.empty()) part.facts.in_place = shares_in_place(regions, taught);
+  return regions;
 }
 
 PartPose Inspector::pose_of(Inspection& part) const {
@@ -273,9 +292,9 @@ void Inspector::measure_clusters(Inspection& part, const RecipeInForce* recipe) 
     if (!samples.bins.empty()) part.linear.back() = ridge(*basis_, samples, settings_.eta);
     const bool framed = recipe != nullptr && !recipe->frames[index].id.empty() &&
                         static_cast<int>(samples.bins.size()) >= settings.min_bins;
-    ClusterResult cluster = measure_cluster(
-        framed ? onto_frame(*basis_, samples, part.linear.back(), recipe->frames[index]) : samples,
-        i, settings.min_bins);
+    const BinnedSamples on_frame =
+        framed ? onto_frame(*basis_, samples, part.linear.back(), recipe->frames[index]) : samples;
+    ClusterResult cluster = measure_cluster(on_frame, i, settings.min_bins);
     cluster.bins = static_cast<int>(samples.bins.size());
     cluster.coverage = double(cluster.bins) / std::max(1, map_.bins.bins());
     cluster.valid.weights = cluster.valid.weights && cluster.bins >= settings.min_bins;
@@ -283,9 +302,12 @@ void Inspector::measure_clusters(Inspection& part, const RecipeInForce* recipe) 
     cluster.present = cluster.pixels > 0;
     cluster.area_share = double(cluster.pixels) / part_cells;
     part.observed.emplace_back();
-    if (cluster.valid.weights) {
-      part.observed.back() =
-          observe(*basis_, samples, part.linear.back(), settings.monitored_weights, settings_.eta);
+    const bool comparable = std::any_of(on_frame.bins.begin(), on_frame.bins.end(),
+                                        [](const Bin& bin) { return bin.pixels > 0; });
+    if (cluster.valid.weights && framed && comparable &&
+        recipe->recipe.clusters[index].directions.size() > 0) {
+      part.observed.back() = observe_along(recipe->recipe.clusters[index].directions, *basis_,
+                                           on_frame, part.linear.back());
     }
     part.result.clusters.push_back(std::move(cluster));
   }
@@ -325,7 +347,7 @@ Inspection Inspector::measure(const Capture& capture, const RecipeInForce* recip
                   static_cast<int>(calibration_.geometry.lights_W.size()));
   Inspection part;
   to_reflectance(radiance, part);
-  part.result.regions = regions_of(part.reflectance, recipe);
+  part.result.regions = regions_of(part, recipe);
   const Regions& regions = part.result.regions;
   const cv::Mat on_part = regions.label != kNotPart;
   part.facts.coverage = regions.coverage;
@@ -338,6 +360,9 @@ Inspection Inspector::measure(const Capture& capture, const RecipeInForce* recip
     part.facts.defects =
         find_defects(part.reflectance, map_, regions, recipe->appearance, recipe->recipe.settings);
   }
+  part.facts.tilt_deg = part.result.tilt_deg;
+  part.facts.shift_mm = part.result.shift_mm;
+  part.facts.rotation_deg = part.result.rotation_deg;
   part.result.ambient = part.facts.ambient;
   part.result.clipped = part.facts.clipped;
   part.result.defects = part.facts.defects;

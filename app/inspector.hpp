@@ -79,7 +79,9 @@ class Inspector {
  private:
   /// Reflectance, the lamps' drift taken out where a monitor patch tells it.
   void to_reflectance(const RadianceSet& radiance, Inspection& part) const;
-  Regions regions_of(const std::vector<Reflectance>& r, const RecipeInForce* recipe) const;
+  /// Labels; with a recipe that has a layout also shift, rotation and what is wrong with them.
+  Regions regions_of(Inspection& part, const RecipeInForce* recipe) const;
+  cv::Mat place(Inspection& part, const cv::Mat& not_part, const Recipe& recipe) const;
   double ambient_level(const Radiance& ambient, const std::vector<Reflectance>& r,
                        const cv::Mat& on_part) const;
   const JudgeSettings& settings_for(const RecipeInForce* recipe) const;

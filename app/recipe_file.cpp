@@ -2,8 +2,10 @@
 
 #include <Eigen/Cholesky>
 #include <array>
+#include <bit>
 #include <charconv>
 #include <cmath>
+#include <cstring>
 #include <string>
 #include <vector>
 
@@ -16,13 +18,34 @@ namespace {
 
 using Eigen::Index;
 
-constexpr const char* kSchema = "brdfgate.recipe/1";
+constexpr const char* kSchema = "brdfgate.recipe/2";
 /// The PLC publishes eight clusters; its recipe numbers are 16 bits.
 constexpr std::size_t kMaxClusters = 8;
 constexpr int kMaxId = 65535;
 constexpr int kMaxParts = 100000;
 constexpr int kMaxComponents = 1000;
 constexpr int kMaxBinId = 10'000'000;
+
+/// theta_h, theta_d, phi_d in columns.
+Eigen::MatrixXd angles_of(const BinFrame& frame) {
+  Eigen::MatrixXd angles(std::ssize(frame.directions), 3);
+  for (Index j = 0; j < angles.rows(); ++j) {
+    const HalfDiff& a = frame.directions[static_cast<std::size_t>(j)];
+    angles.row(j) << a.theta_h, a.theta_d, a.phi_d;
+  }
+  return angles;
+}
+
+/// The look in steps of 1/8192 (ln units) as CV_16SC1, kNothingSeen where nothing was.
+constexpr double kLookSteps = 8192;
+constexpr std::int16_t kNothingSeen = -32768;
+
+cv::Mat packed_look(const TaughtLayout& layout) {
+  cv::Mat packed;
+  layout.look.convertTo(packed, CV_16S, kLookSteps);
+  packed.setTo(kNothingSeen, layout.seen == 0);
+  return packed;
+}
 
 // ---- writing
 
@@ -55,6 +78,7 @@ class Writer {
       out_ << YAML::DoubleQuoted << warning;
     out_ << YAML::EndSeq;
     settings(r.settings);
+    if (!r.layout.empty()) layout(r.layout);
     key("clusters") << YAML::BeginSeq;
     for (const TaughtCluster& taught : r.clusters)
       cluster(taught);
@@ -78,11 +102,30 @@ class Writer {
     out_ << YAML::EndMap;
   }
 
+  void layout(const TaughtLayout& l) {
+    key("layout") << YAML::BeginMap;
+    put("pitch_m", measured_text(l.pitch_m));
+    put("side", std::to_string(l.label.cols));
+    row("taught_shift_m", l.taught.shift_m);
+    put("taught_rotation_rad", measured_text(l.taught.rotation));
+    const cv::Mat label = l.label.isContinuous() ? l.label : l.label.clone();
+    base64("label", label.data, label.total());
+    const cv::Mat look = packed_look(l);
+    base64("look", look.data, look.total() * look.elemSize());
+    out_ << YAML::EndMap;
+  }
+
+  void base64(const char* name, const unsigned char* bytes, std::size_t size) {
+    static_assert(std::endian::native == std::endian::little);
+    key(name) << YAML::DoubleQuoted << YAML::EncodeBase64(bytes, size);
+  }
+
   void cluster(const TaughtCluster& c) {
     out_ << YAML::BeginMap;
     quoted("name", c.name);
     put("parts", std::to_string(c.parts));
     matrix("mean", c.mean);
+    directions(c.directions);
     row("monitored_mean", c.monitored_mean);
     matrix("monitored_covariance", c.monitored_covariance);
     put("t2_limit", measured_text(c.t2_limit));
@@ -94,6 +137,28 @@ class Writer {
     row("gloss_gu", Eigen::Map<const Eigen::Vector3d>(c.gloss_gu.data()));
     row("lab", c.lab.matrix());
     out_ << YAML::EndMap;
+  }
+
+  void directions(const MonitoredDirections& d) {
+    key("directions") << YAML::BeginMap;
+    key("names") << YAML::Flow << YAML::BeginSeq;
+    for (const std::string& name : d.names)
+      out_ << YAML::DoubleQuoted << name;
+    out_ << YAML::EndSeq;
+    key("bin_id") << YAML::Flow << d.frame.id;
+    key("light") << YAML::Flow << d.frame.light;
+    binary("angles", angles_of(d.frame));
+    binary("reference", d.reference);
+    binary("weight", d.weight);
+    binary("response", d.response);
+    out_ << YAML::EndMap;
+  }
+
+  /// Base64 of little-endian float64, column by column.
+  void binary(const char* name, const Eigen::MatrixXd& m) {
+    if (!m.allFinite()) throw InputError("recipe", "holds a number that is not finite");
+    base64(name, reinterpret_cast<const unsigned char*>(m.data()),
+           static_cast<std::size_t>(m.size()) * sizeof(double));
   }
 
   void row(const char* name, const Eigen::VectorXd& values) {
@@ -136,6 +201,25 @@ Eigen::MatrixXd matrix(const YamlNode& node, const char* key, Index rows, Index 
   return m;
 }
 
+/// The writer's base64().
+std::vector<unsigned char> bytes_of(const YamlNode& node, const char* key, std::size_t expected) {
+  std::vector<unsigned char> bytes = YAML::DecodeBase64(node.text(key));
+  if (bytes.size() != expected) {
+    node.fail_at(key, std::to_string(bytes.size()) + " bytes of base64", std::to_string(expected));
+  }
+  return bytes;
+}
+
+/// The writer's binary().
+Eigen::MatrixXd binary(const YamlNode& node, const char* key, Index rows, Index columns) {
+  const std::size_t expected = static_cast<std::size_t>(rows * columns) * sizeof(double);
+  const std::vector<unsigned char> bytes = bytes_of(node, key, expected);
+  Eigen::MatrixXd m(rows, columns);
+  std::memcpy(m.data(), bytes.data(), expected);
+  if (!m.allFinite()) node.fail_at(key, "holds a number that is not finite", "finite numbers");
+  return m;
+}
+
 std::vector<int> bin_ids(const YamlNode& node) {
   std::vector<int> ids;
   for (const YamlNode& item : node.at("bin_id").items()) {
@@ -169,15 +253,69 @@ void read_residuals(const YamlNode& node, TaughtCluster& c, Index channels) {
   }
 }
 
+TaughtLayout read_layout(const YamlNode& node, std::size_t clusters) {
+  constexpr int kMostSide = 4000;
+  TaughtLayout l;
+  l.pitch_m = node.number("pitch_m", {0, 1, true});
+  const int side = node.integer("side", 3, kMostSide);
+  const auto shift = node.numbers("taught_shift_m", 2, {-1, 1});
+  l.taught = {{shift[0], shift[1]}, node.number("taught_rotation_rad", {-4, 4})};
+  const std::size_t cells = static_cast<std::size_t>(side) * static_cast<std::size_t>(side);
+  std::vector<unsigned char> label = bytes_of(node, "label", cells);
+  for (const unsigned char k : label) {
+    if (k >= clusters && k < kUnknown) {
+      node.fail_at("label", "names cluster " + std::to_string(k),
+                   "less than " + std::to_string(clusters));
+    }
+  }
+  l.label = cv::Mat(side, side, CV_8UC1, label.data()).clone();
+  std::vector<unsigned char> look = bytes_of(node, "look", 2 * cells);
+  const cv::Mat packed(side, side, CV_16SC1, look.data());
+  l.seen = packed != kNothingSeen;
+  packed.convertTo(l.look, CV_32F, 1 / kLookSteps);
+  node.finish();
+  return l;
+}
+
+std::vector<std::string> direction_names(const YamlNode& node, Index channels) {
+  std::vector<std::string> names = node.texts("names");
+  if (names.empty() || std::ssize(names) > channels + 2) {
+    node.fail_at("names", std::to_string(names.size()) + " directions",
+                 "1 to " + std::to_string(channels + 2));
+  }
+  return names;
+}
+
+MonitoredDirections read_directions(const YamlNode& node, Index channels) {
+  MonitoredDirections d;
+  d.names = direction_names(node, channels);
+  d.frame.id = bin_ids(node);
+  const Index bins = std::ssize(d.frame.id);
+  for (const YamlNode& item : node.at("light").items())
+    d.frame.light.push_back(static_cast<int>(item.as_integer(1, 2)));
+  if (std::ssize(d.frame.light) != bins) {
+    node.fail_at("light", std::to_string(d.frame.light.size()) + " numbers", std::to_string(bins));
+  }
+  const Eigen::MatrixXd angles = binary(node, "angles", bins, 3);
+  for (Index j = 0; j < bins; ++j)
+    d.frame.directions.push_back({angles(j, 0), angles(j, 1), angles(j, 2)});
+  d.reference = binary(node, "reference", bins, channels);
+  d.weight = binary(node, "weight", bins, channels);
+  if (!(d.weight.minCoeff() > 0)) node.fail_at("weight", "holds 0 or less", "weights over 0");
+  d.response = binary(node, "response", bins * channels, std::ssize(d.names));
+  node.finish();
+  return d;
+}
+
 TaughtCluster read_cluster(const YamlNode& node, const Recipe& recipe) {
   constexpr YamlRange kOverZero{0, 1e300, true};
   TaughtCluster c;
   c.name = node.text("name");
   c.parts = node.integer("parts", 1, kMaxParts);
   c.mean = matrix(node, "mean", recipe.components, recipe.channels);
-  const int leading = std::min(recipe.settings.monitored_weights, recipe.components);
+  c.directions = read_directions(node.at("directions"), recipe.channels);
   const auto monitored =
-      node.numbers("monitored_mean", static_cast<std::size_t>(leading) * recipe.channels);
+      node.numbers("monitored_mean", static_cast<std::size_t>(c.directions.size()));
   c.monitored_mean = Eigen::Map<const Eigen::VectorXd>(monitored.data(), std::ssize(monitored));
   read_covariance(node, c);
   c.t2_limit = node.number("t2_limit", kOverZero);
@@ -226,6 +364,7 @@ Recipe read_recipe(const std::filesystem::path& file) {
   r.warnings = root.texts("warnings");
   r.settings = read_judge_settings(root.at("settings"));
   r.clusters = read_clusters(root, r);
+  if (root.has("layout")) r.layout = read_layout(root.at("layout"), r.clusters.size());
   root.finish();
   return r;
 }

@@ -121,6 +121,8 @@ json part_to_json(const std::string& recording, const PartResult& r, const Cycle
           {"t2_ratio", finite(r.t2_ratio)},
           {"spe_ratio", finite(r.spe_ratio)},
           {"tilt_deg", {finite(r.tilt_deg[0]), finite(r.tilt_deg[1])}},
+          {"shift_mm", {finite(r.shift_mm[0]), finite(r.shift_mm[1])}},
+          {"rotation_deg", finite(r.rotation_deg)},
           {"tilt_sigma_deg", {finite(r.tilt_sigma_deg[0]), finite(r.tilt_sigma_deg[1])}},
           {"height_mm", finite(r.height_mm)},
           {"height_sigma_mm", finite(r.height_sigma_mm)},

@@ -1,10 +1,12 @@
 #include "app/teacher.hpp"
 
+#include <cstdio>
 #include <ctime>
 
 #include "model/error.hpp"
 #include "model/readings.hpp"
 #include "model/reconstruction.hpp"
+#include "model/teaching_checks.hpp"
 
 namespace brdfgate {
 namespace {
@@ -51,6 +53,15 @@ void add_warnings(Recipe& recipe) {
   recipe.warnings.push_back(std::move(text));
 }
 
+std::string outlying_text(const std::string& part, const std::string& cluster,
+                          const OutlyingPart& found) {
+  char numbers[96];
+  std::snprintf(numbers, sizeof numbers, " is off by %+.1f %% (%+.1f sigma, T2 %.0f)",
+                100 * found.shift.change, found.shift.sigmas, found.t2);
+  return part + ": not like the other parts in cluster '" + cluster + "': " + found.shift.name +
+         numbers + "; if it is not good, teach again without it";
+}
+
 }  // namespace
 
 void Teacher::add(const std::string& name, const Capture& capture) {
@@ -58,6 +69,7 @@ void Teacher::add(const std::string& name, const Capture& capture) {
   require_usable(name, part);
   if (!draft_) begin(name, part);
   keep(name, part);
+  names_.push_back(name);
   ++parts_;
 }
 
@@ -79,9 +91,17 @@ void Teacher::begin(const std::string& name, const Inspection& first) {
     taught.name = cluster.index == 0 ? "body" : "region " + std::to_string(cluster.index);
     taught.mean = cluster.weights;
     taught.area_share = cluster.area_share;
+    if (!cluster.valid.gloss) {
+      remarks_.push_back("cluster '" + taught.name +
+                         "' is too small or too one-sided to see a highlight: no cell near its "
+                         "mirror direction, gloss and roughness are extrapolated (coverage " +
+                         std::to_string(static_cast<int>(100 * cluster.coverage)) +
+                         " % of the bins)");
+    }
     recipe.clusters.push_back(std::move(taught));
   }
   if (recipe.clusters.empty()) throw InputError(name, "no material was found on it");
+  recipe.layout = make_layout(first.reflectance, inspector_.map().cells, first.result.regions);
   draft_ = inspector_.bring_into_force(std::move(recipe));
   samples_.resize(draft_->recipe.clusters.size());
   for (std::size_t i = 0; i < samples_.size(); ++i) {
@@ -99,6 +119,8 @@ void Teacher::keep(const std::string& name, const Inspection& part) {
         "the taught materials",
         "good parts of one kind");
   }
+  shift_mm_ += Eigen::Vector2d(part.result.shift_mm[0], part.result.shift_mm[1]);
+  rotation_deg_ += part.result.rotation_deg;
   for (std::size_t i = 0; i < samples_.size(); ++i) {
     const ClusterResult& cluster = part.result.clusters.at(i);
     if (!cluster.valid.weights) {
@@ -120,17 +142,27 @@ Recipe Teacher::recipe(const std::string& name, int id) const {
   recipe.name = name;
   recipe.created = today();
   recipe.parts = parts_;
+  recipe.warnings = remarks_;
+  recipe.layout.taught.shift_m = 1e-3 * shift_mm_ / parts_;
+  recipe.layout.taught.rotation = rotation_deg_ / parts_ * double(EIGEN_PI) / 180;
   for (std::size_t i = 0; i < samples_.size(); ++i) {
     const std::string cluster_name = recipe.clusters[i].name;
+    Weights mean;
+    mean.c = weight_sums_[i] / parts_ / std::sqrt(double(inspector_.basis().info().observations));
+    const BrdfPtr brdf = make_brdf(inspector_.shared_basis(), mean);
+    ObservedParts observed = observe_parts(inspector_.basis(), *brdf, samples_[i]);
     TaughtCluster taught =
-        teach_cluster(inspector_.basis(), samples_[i], recipe.settings, inspector_.eta());
+        teach_observed(observed.parts, recipe.settings, static_cast<int>(samples_.size()));
+    taught.directions = std::move(observed.directions);
+    for (const OutlyingPart& part : outlying_parts(observed.parts, taught, recipe.settings))
+      recipe.warnings.push_back(outlying_text(names_[std::size_t(part.part)], cluster_name, part));
     taught.name = cluster_name;
     taught.mean = weight_sums_[i] / double(parts_);
-    Weights mean;
-    mean.c = taught.mean / std::sqrt(double(inspector_.basis().info().observations));
-    const BrdfPtr brdf = inspector_.seen_colour(mean);
-    taught.gloss_gu = gloss_gu(*brdf);
-    if (recipe.channels == 3) taught.lab = lab_45_0(*brdf);
+    for (const TeachSample& part : samples_[i])
+      taught.area_share += part.area_share / double(parts_);
+    const BrdfPtr seen = inspector_.seen_colour(mean);
+    taught.gloss_gu = gloss_gu(*seen);
+    if (recipe.channels == 3) taught.lab = lab_45_0(*seen);
     recipe.clusters[i] = std::move(taught);
   }
   add_warnings(recipe);

@@ -31,9 +31,14 @@ class Teacher {
 
   const Inspector& inspector_;
   int parts_ = 0;
+  std::vector<std::string> names_;                 ///< of the parts
+  std::vector<std::string> remarks_;               ///< on clusters, for the recipe's warnings
   std::optional<RecipeInForce> draft_;             ///< clusters of the first part, without limits
   std::vector<std::vector<TeachSample>> samples_;  ///< per cluster, per part
-  std::vector<Eigen::MatrixXd> weight_sums_;       ///< per cluster: published weights, summed
+  /// Sums of the parts' poses against the first one's.
+  Eigen::Vector2d shift_mm_ = Eigen::Vector2d::Zero();
+  double rotation_deg_ = 0;
+  std::vector<Eigen::MatrixXd> weight_sums_;  ///< per cluster: published weights, summed
 };
 
 }  // namespace brdfgate

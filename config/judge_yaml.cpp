@@ -9,14 +9,16 @@ struct SettingField {
   const char* key;
   std::variant<double JudgeSettings::*, int JudgeSettings::*> value;
   YamlRange range;
+  bool optional = false;  ///< the default stands where the key is missing
 };
+/// Of earlier versions: accepted, without effect.
+constexpr const char* kObsolete[] = {"monitored_weights", "weight_floor_sigma"};
 
 const std::vector<SettingField>& setting_fields() {
   using S = JudgeSettings;
   static const std::vector<SettingField> fields{
       {"false_reject_rate", &S::false_reject_rate, {0, 0.5, true}},
-      {"monitored_weights", &S::monitored_weights, {1, 8}},
-      {"weight_floor_sigma", &S::weight_floor_sigma, {0, 10, true}},
+      {"change_floor", &S::change_floor, {0, 1, true}, true},
       {"colour_limit_de00", &S::colour_limit_de00, {0, 100, true}},
       {"gloss_limit_gu", &S::gloss_limit_gu, {0, 2000, true}},
       {"area_share_limit", &S::area_share_limit, {0, 1}},
@@ -28,6 +30,9 @@ const std::vector<SettingField>& setting_fields() {
       {"max_clipped", &S::max_clipped, {0, 1}},
       {"min_coverage", &S::min_coverage, {0, 1}},
       {"min_bins", &S::min_bins, {1, 100000}},
+      {"max_shift_mm", &S::max_shift_mm, {0, 1000, true}, true},
+      {"max_rotation_deg", &S::max_rotation_deg, {0, 45, true}, true},
+      {"max_tilt_deg", &S::max_tilt_deg, {0, 45, true}, true},
   };
   return fields;
 }
@@ -37,6 +42,7 @@ struct ReadField {
   const SettingField& field;
   JudgeSettings& into;
   void operator()(double JudgeSettings::* member) const {
+    if (field.optional && !node.has(field.key)) return;
     into.*member = node.number(field.key, field.range);
   }
   void operator()(int JudgeSettings::* member) const {
@@ -51,6 +57,8 @@ JudgeSettings read_judge_settings(const YamlNode& node) {
   JudgeSettings settings;
   for (const SettingField& field : setting_fields())
     std::visit(ReadField{node, field, settings}, field.value);
+  for (const char* key : kObsolete)
+    if (node.has(key)) node.number(key, {0, 1e6});
   node.finish();
   return settings;
 }

@@ -28,6 +28,12 @@ std::string signed_sigmas(double v) {
   return text;
 }
 
+std::string signed_percent(double share) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%+.3g %%", 100 * share);
+  return text;
+}
+
 std::string channel_name(int channel, int channels) {
   if (channels == 1) return "the mono channel";
   return std::string("channel ") + "RGB"[channel % 3];
@@ -74,9 +80,11 @@ class Judge {
                                      " of it unknown): wrong face, wrong part or out of view");
     } else {
       name(clusters);
+      judge_pose(facts);
       judge_regions(facts);
-      for (std::size_t i = 0; i < recipe_->clusters.size(); ++i)
-        judge_cluster(i, clusters, observed);
+      for (std::size_t i = 0; i < recipe_->clusters.size(); ++i) {
+        if (in_place(i, facts)) judge_cluster(i, clusters, observed);
+      }
     }
     return conclude();
   }
@@ -118,6 +126,36 @@ class Judge {
       find(Reason::calibration_or_recipe, std::move(text));
   }
 
+  void judge_pose(const PartFacts& facts) {
+    const double shift = std::hypot(facts.shift_mm[0], facts.shift_mm[1]);
+    if (!facts.pose_problem.empty()) find(Reason::pose_or_face, facts.pose_problem);
+    if (beyond(shift, settings_.max_shift_mm)) {
+      find(Reason::pose_or_face, "the part lies " + number(shift) +
+                                     " mm from its taught place, over its limit " +
+                                     number(settings_.max_shift_mm) + " mm");
+    }
+    if (beyond(std::abs(facts.rotation_deg), settings_.max_rotation_deg)) {
+      find(Reason::pose_or_face, "the part is turned by " + number(facts.rotation_deg) +
+                                     " deg in its plane, over its limit " +
+                                     number(settings_.max_rotation_deg) + " deg");
+    }
+    if (beyond(std::abs(facts.tilt_deg[0]), settings_.max_tilt_deg) ||
+        beyond(std::abs(facts.tilt_deg[1]), settings_.max_tilt_deg)) {
+      find(Reason::tilt, "the part is tilted by (" + number(facts.tilt_deg[0]) + ", " +
+                             number(facts.tilt_deg[1]) + ") deg, over its limit " +
+                             number(settings_.max_tilt_deg) + " deg");
+    }
+  }
+
+  /// False, with a finding, for a cluster that its taught place does not show.
+  bool in_place(std::size_t i, const PartFacts& facts) {
+    if (i >= facts.in_place.size() || facts.in_place[i] >= kLeastInPlace) return true;
+    find(Reason::missing_cluster, "cluster '" + recipe_->clusters[i].name +
+                                      "' is missing from its place: " + percent(facts.in_place[i]) +
+                                      " of it shows it");
+    return false;
+  }
+
   void judge_regions(const PartFacts& facts) {
     if (!std::isfinite(facts.unknown_share)) {
       find(Reason::coverage, "the share of unknown cells is not known");
@@ -153,15 +191,17 @@ class Judge {
                                         std::to_string(settings_.min_bins) + " to judge it");
     }
     if (!cluster.valid.weights || !cluster.weights.allFinite() ||
-        !cluster.weight_sigmas.allFinite() || i >= observed.size() || !observed[i] ||
-        !is_finite(*observed[i])) {
+        !cluster.weight_sigmas.allFinite()) {
       return find(Reason::outside_basis, quoted + " has no valid weights");
     }
     if (draft || !usable(taught)) {
       return find(Reason::calibration_or_recipe, quoted + " has no taught limits");
     }
+    if (i >= observed.size() || !observed[i] || !is_finite(*observed[i])) {
+      return find(Reason::outside_basis, quoted + " could not be compared with the taught parts");
+    }
     judge_weights(i, cluster, taught, *observed[i]);
-    judge_readings(cluster, taught, quoted);
+    judge_readings(cluster, taught, *observed[i], quoted);
   }
 
   static bool usable(const TaughtCluster& taught) {
@@ -195,16 +235,15 @@ class Judge {
     }
     keep_ratios(static_cast<int>(i), d);
     if (d.t2 > d.t2_limit) {
-      const WeightShift shift = largest_shift(taught, seen);
+      const MonitoredShift shift = largest_shift(taught, seen);
       find(Reason::t2, "T2 = " + number(d.t2) + " over its limit " + number(d.t2_limit) +
-                           in_cluster + ": weight " + std::to_string(shift.component + 1) + " of " +
-                           channel_name(shift.channel, seen.channels()) + " is " +
-                           signed_sigmas(shift.sigmas));
+                           in_cluster + ": " + shift.name + " is off by " +
+                           signed_percent(shift.change) + " (" + signed_sigmas(shift.sigmas) + ")");
     }
     if (d.spe > d.spe_limit) {
       const ResidualShift shift = largest_residual(taught, seen);
       find(Reason::spe, "SPE = " + number(d.spe) + " over its limit " + number(d.spe_limit) +
-                            in_cluster + ": what the weights do not explain is " +
+                            in_cluster + ": what the monitored changes do not explain is " +
                             signed_sigmas(shift.sigmas) + " in " +
                             channel_name(shift.channel, seen.channels()) + " at theta_h " +
                             number(shift.angles.theta_h * 180 / EIGEN_PI) + " deg");
@@ -221,9 +260,10 @@ class Judge {
   }
 
   void judge_readings(ClusterResult& cluster, const TaughtCluster& taught,
-                      const std::string& quoted) {
+                      const ClusterObservation& seen, const std::string& quoted) {
     if (cluster.valid.colour) {
-      cluster.delta_e00 = delta_e00(taught.lab, cluster.lab);
+      cluster.delta_e00 =
+          delta_e00(taught.lab, compared_colour(taught, seen).value_or(cluster.lab));
       judge_reading(Reason::colour, cluster.delta_e00, settings_.colour_limit_de00,
                     quoted + ": colour is " + number(cluster.delta_e00) +
                         " dE00 from the taught one, over its limit " +

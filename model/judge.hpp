@@ -2,6 +2,7 @@
 // 8).
 #pragma once
 
+#include <array>
 #include <optional>
 #include <string>
 #include <vector>
@@ -19,8 +20,14 @@ struct PartFacts {
   double clipped = 0;        ///< share of the part's cells
   double unknown_share = 0;  ///< share of the part's cells that no taught cluster explains
   std::vector<Defect> defects;
-  std::vector<double> lamp_drift;  ///< per light, relative; empty: not watched
-  double max_lamp_drift = 0;       ///< beyond it, either way, nothing is judged
+  std::vector<double> lamp_drift;    ///< per light, relative; empty: not watched
+  double max_lamp_drift = 0;         ///< beyond it, either way, nothing is judged
+  std::array<double, 2> tilt_deg{};  ///< about x and y
+  std::array<double, 2> shift_mm{};  ///< from the taught place
+  double rotation_deg = 0;           ///< from the taught pose, in the plane
+  /// Per cluster: share of its taught place, as far as seen, that shows it; empty: not known.
+  std::vector<double> in_place = {};
+  std::string pose_problem = {};  ///< why the taught pose could not be found; empty: it was
 };
 
 /// In words, per lamp that drifted beyond the limit or of which nothing is known.
@@ -34,6 +41,9 @@ struct Judgement {
   double spe_ratio = 0;
   int worst_cluster = 0;  ///< the one with the largest of both ratios
 };
+
+/// A cluster that shows in less of its taught place is missing there.
+inline constexpr double kLeastInPlace = 0.5;
 
 /// Beyond this share of unknown cells it is not a bad part but another one (or its back).
 inline constexpr double kForeignPartShare = 0.9;

@@ -29,6 +29,11 @@ void draw(Random& random, const Eigen::VectorXd& deviations, Eigen::MatrixXd& pa
 
 }  // namespace
 
+RateShares split_rate(double per_part, int clusters) {
+  constexpr double kStatistics = 0.75;
+  return {kStatistics * per_part / (2.0 * std::max(1, clusters)), (1 - kStatistics) * per_part};
+}
+
 Eigen::MatrixXd ledoit_wolf(const Eigen::MatrixXd& observations) {
   const auto n = static_cast<double>(observations.rows());
   const auto p = static_cast<double>(observations.cols());
@@ -47,7 +52,7 @@ Eigen::MatrixXd ledoit_wolf(const Eigen::MatrixXd& observations) {
 }
 
 double t2_limit(const Eigen::MatrixXd& covariance, int parts, double floor, double rate) {
-  constexpr int kEstimates = 4000, kNewParts = 8;
+  constexpr int kEstimates = 4000, kNewParts = 100;
   // Mean, shrinkage and T^2 turn with the axes, so the draws may be made along S's own.
   const Eigen::VectorXd deviations =
       Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(covariance, Eigen::EigenvaluesOnly)

@@ -6,6 +6,15 @@
 
 namespace brdfgate {
 
+/// A part's false-reject rate divided (Bonferroni: statistics that move together reject less often
+/// than their shares add up to): three quarters to T^2 and SPE of all clusters in equal shares, a
+/// quarter to the part's local defects.
+struct RateShares {
+  double per_statistic = 0;
+  double defects = 0;
+};
+RateShares split_rate(double per_part, int clusters);
+
 /// Ledoit and Wolf 2004, "A well-conditioned estimator for large-dimensional covariance matrices":
 /// shrinks the sample covariance (of N, not N - 1) toward its scaled identity. Rows are
 /// observations, two or more.

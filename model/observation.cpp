@@ -3,9 +3,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <string>
 
-#include "model/error.hpp"
 #include "model/mapping.hpp"
 
 namespace brdfgate {
@@ -57,29 +55,6 @@ std::vector<Eigen::MatrixXd> noise_covariance(const Basis& basis, const BinnedSa
 std::vector<Eigen::MatrixXd> noise_covariance(const BasisRows& rows, const BinnedSamples& samples,
                                               double eta) {
   return through_gain(rows, mapped_noise(rows, samples), eta, 1, rows.q.cols());
-}
-
-ClusterObservation observe(const Basis& basis, const BinnedSamples& samples, const Weights& weights,
-                           int monitored_weights, double eta) {
-  ClusterObservation seen;
-  seen.residual = mapped_residual(basis, samples, weights);  // refuses what does not fit
-  seen.angles = samples.directions();
-  for (const Bin& bin : samples.bins)
-    seen.bin_id.push_back(bin.id);
-  const int observations = basis.info().observations;
-  seen.weights = weights.in_prior_sigmas(observations);
-  seen.monitored = leading_weights(seen.weights, monitored_weights);
-
-  const BasisRows rows = basis.rows(seen.angles);
-  seen.residual_noise = mapped_noise(rows, samples);
-  const Index per_channel = seen.monitored.size() / samples.channels;
-  const auto noise = through_gain(rows, seen.residual_noise, eta, observations, per_channel);
-  seen.monitored_noise = Eigen::MatrixXd::Zero(seen.monitored.size(), seen.monitored.size());
-  for (std::size_t channel = 0; channel < noise.size(); ++channel) {
-    const Index at = static_cast<Index>(channel) * per_channel;
-    seen.monitored_noise.block(at, at, per_channel, per_channel) = noise[channel];
-  }
-  return seen;
 }
 
 }  // namespace brdfgate

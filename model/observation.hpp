@@ -14,20 +14,14 @@ namespace brdfgate {
 /// Everything that T^2 and SPE need; no basis in it any more.
 struct ClusterObservation {
   Eigen::MatrixXd weights;          ///< prior sigmas, k x channels
-  Eigen::VectorXd monitored;        ///< p: the leading weights per channel, channel by channel
+  Eigen::VectorXd monitored;        ///< p: along the monitored directions (monitored.hpp)
   Eigen::MatrixXd monitored_noise;  ///< p x p covariance of `monitored` from pixel noise alone
   std::vector<int> bin_id;
   std::vector<HalfDiff> angles;    ///< of those bins
-  Eigen::MatrixXd residual;        ///< bins x channels, mapped observation minus model
+  Eigen::MatrixXd residual;        ///< bins x channels, mapped, what the directions leave
   Eigen::MatrixXd residual_noise;  ///< bins x channels, variance of that from pixel noise
   int channels() const { return static_cast<int>(residual.cols()); }
 };
-
-/// @param monitored_weights  leading weights per channel in T^2; at most the basis' k are taken
-/// @param eta                of the ridge that `weights` came from
-/// Throws InputError when samples and weights disagree in channels or components.
-ClusterObservation observe(const Basis& basis, const BinnedSamples& samples, const Weights& weights,
-                           int monitored_weights, double eta = kRidgeEta);
 
 /// Leading weights, channel by channel: p of them per channel.
 Eigen::VectorXd leading_weights(const Eigen::MatrixXd& weights, int per_channel);

@@ -16,8 +16,11 @@ using Eigen::Index;
 
 /// Below this number of parts their spread says nothing: the floor and the known noise stand in.
 constexpr std::size_t kSpreadParts = 3;
-/// Part-to-part deviation of a mapped residual never taken smaller: 2 % of reflectance.
-constexpr double kResidualFloor = 0.02;
+/// Part-to-part deviation of a mapped residual never taken smaller: 0.4 % of reflectance.
+constexpr double kResidualFloor = 0.004;
+/// With fewer parts it is taken as this, and that of a monitored change as kFewChange.
+constexpr double kFewResidual = 0.02;
+constexpr double kFewChange = 0.03;
 /// A bin's own variance counts as that of N - 1 draws, the mean over all bins as this many more:
 /// with N small a single bin's variance is nearly arbitrary.
 constexpr double kPooledDraws = 8;
@@ -53,8 +56,8 @@ void check(const std::vector<ClusterObservation>& parts, const JudgeSettings& se
     throw InputError("false_reject_rate", std::to_string(settings.false_reject_rate),
                      "a share over 0, under 0.5");
   }
-  if (!(settings.weight_floor_sigma > 0 && std::isfinite(settings.weight_floor_sigma))) {
-    throw InputError("weight_floor_sigma", std::to_string(settings.weight_floor_sigma),
+  if (!(settings.change_floor > 0 && std::isfinite(settings.change_floor))) {
+    throw InputError("change_floor", std::to_string(settings.change_floor),
                      "a finite deviation over 0");
   }
   for (std::size_t i = 0; i < parts.size(); ++i)
@@ -164,7 +167,7 @@ void teach_residuals(TaughtCluster& taught, const std::vector<ClusterObservation
   if (parts.size() < kSpreadParts) {
     // The known noise of the taught mean stands beside the floor.
     const Eigen::ArrayXXd known = table.noise.isFinite().select(table.noise, 0);
-    spread.variance = kResidualFloor * kResidualFloor + known.colwise().mean().transpose();
+    spread.variance = kFewResidual * kFewResidual + known.colwise().mean().transpose();
     taught.spe_limit = kSpeLimitOfFew;
   } else {
     taught.spe_limit = spe_limit(leave_one_out_mean(table), box_dof(standardised(table, spread)),
@@ -177,7 +180,7 @@ void teach_residuals(TaughtCluster& taught, const std::vector<ClusterObservation
 }
 
 void teach_weights(TaughtCluster& taught, const std::vector<ClusterObservation>& parts,
-                   const JudgeSettings& settings) {
+                   const JudgeSettings& settings, double rate) {
   const Index p = parts.front().monitored.size();
   taught.mean = Eigen::MatrixXd::Zero(parts.front().weights.rows(), parts.front().weights.cols());
   Eigen::MatrixXd monitored(std::ssize(parts), p);
@@ -189,38 +192,88 @@ void teach_weights(TaughtCluster& taught, const std::vector<ClusterObservation>&
   }
   taught.mean /= static_cast<double>(parts.size());
   taught.monitored_mean = monitored.colwise().mean().transpose();
-  taught.monitored_covariance = parts.size() < kSpreadParts
-                                    ? Eigen::MatrixXd(noise / static_cast<double>(parts.size()))
-                                    : ledoit_wolf(monitored);
-  const double floor = settings.weight_floor_sigma;
-  taught.t2_limit =
-      t2_limit(taught.monitored_covariance, taught.parts, floor, settings.false_reject_rate);
+  if (parts.size() < kSpreadParts) {
+    taught.monitored_covariance = noise / static_cast<double>(parts.size());
+    taught.monitored_covariance.diagonal().array() += kFewChange * kFewChange;
+  } else {
+    taught.monitored_covariance = ledoit_wolf(monitored);
+  }
+  const double floor = settings.change_floor;
+  taught.t2_limit = t2_limit(taught.monitored_covariance, taught.parts, floor, rate);
   taught.monitored_covariance.diagonal().array() += floor * floor;
 }
 
 }  // namespace
 
-TaughtCluster teach_observed(const std::vector<ClusterObservation>& parts,
-                             const JudgeSettings& settings) {
-  check(parts, settings);
-  TaughtCluster taught;
-  taught.parts = static_cast<int>(parts.size());
-  teach_weights(taught, parts, settings);
-  teach_residuals(taught, parts, settings.false_reject_rate);
-  return taught;
+BinFrame common_frame(const std::vector<TeachSample>& parts) {
+  struct Seen {
+    std::size_t times = 0;
+    Bin first;
+    HalfDiff sum;
+  };
+  std::map<int, Seen> bins;
+  for (const TeachSample& part : parts) {
+    for (const Bin& bin : part.samples.bins) {
+      Seen& seen = bins[bin.id];
+      if (seen.times++ == 0) seen.first = bin;
+      seen.sum.theta_h += bin.angles.theta_h;
+      seen.sum.theta_d += bin.angles.theta_d;
+      // phi_d runs over [0, pi) and wraps.
+      seen.sum.phi_d += seen.first.angles.phi_d +
+                        std::remainder(bin.angles.phi_d - seen.first.angles.phi_d, EIGEN_PI);
+    }
+  }
+  BinFrame frame;
+  for (const auto& [id, seen] : bins) {
+    if (2 * seen.times < parts.size()) continue;
+    const auto n = static_cast<double>(seen.times);
+    const double phi = std::fmod(seen.sum.phi_d / n + 2 * EIGEN_PI, EIGEN_PI);
+    frame.id.push_back(id);
+    frame.light.push_back(seen.first.light);
+    frame.directions.push_back({seen.sum.theta_h / n, seen.sum.theta_d / n, phi});
+  }
+  if (frame.id.empty()) {
+    throw InputError("teaching", "no angular bin was seen by half of the parts",
+                     "good parts of one kind");
+  }
+  return frame;
 }
 
-TaughtCluster teach_cluster(const Basis& basis, const std::vector<TeachSample>& parts,
-                            const JudgeSettings& settings, double eta) {
-  std::vector<ClusterObservation> seen;
-  seen.reserve(parts.size());
-  double share = 0;
+ObservedParts observe_parts(const Basis& basis, const Brdf& material,
+                            const std::vector<TeachSample>& parts) {
+  if (parts.empty()) throw InputError("teaching", "no parts", "at least one");
+  const BinFrame frame = common_frame(parts);
+  const BasisRows rows = basis.rows(frame.directions);
+  const Index bins = std::ssize(frame.id), channels = parts.front().samples.channels;
+  Eigen::MatrixXd reference = Eigen::MatrixXd::Zero(bins, channels), noise = reference;
+  Eigen::VectorXd times = Eigen::VectorXd::Zero(bins);
+  std::vector<BinnedSamples> framed;
   for (const TeachSample& part : parts) {
-    seen.push_back(observe(basis, part.samples, part.weights, settings.monitored_weights, eta));
-    share += part.area_share;
+    framed.push_back(onto_frame(basis, part.samples, part.weights, frame));
+    const Eigen::MatrixXd x = centred(framed.back(), rows), v = mapped_noise(rows, framed.back());
+    for (Index j = 0; j < bins; ++j) {
+      if (framed.back().bins[static_cast<std::size_t>(j)].pixels == 0) continue;
+      reference.row(j) += x.row(j);
+      noise.row(j) += v.row(j);
+      ++times[j];
+    }
   }
-  TaughtCluster taught = teach_observed(seen, settings);
-  taught.area_share = share / static_cast<double>(parts.size());
+  reference.array().colwise() /= times.array();
+  noise.array().colwise() /= times.array();
+  ObservedParts out{monitored_directions(basis, material, frame, reference, noise), {}};
+  for (std::size_t i = 0; i < parts.size(); ++i)
+    out.parts.push_back(observe_along(out.directions, basis, framed[i], parts[i].weights));
+  return out;
+}
+
+TaughtCluster teach_observed(const std::vector<ClusterObservation>& parts,
+                             const JudgeSettings& settings, int clusters) {
+  check(parts, settings);
+  const double rate = split_rate(settings.false_reject_rate, clusters).per_statistic;
+  TaughtCluster taught;
+  taught.parts = static_cast<int>(parts.size());
+  teach_weights(taught, parts, settings, rate);
+  teach_residuals(taught, parts, rate);
   return taught;
 }
 

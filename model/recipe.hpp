@@ -8,16 +8,17 @@
 
 #include "model/colour.hpp"
 #include "model/estimator.hpp"
+#include "model/monitored.hpp"
 #include "model/observation.hpp"
+#include "model/registration.hpp"
 #include "model/samples.hpp"
 
 namespace brdfgate {
 
 /// Settings of teaching and judging; from YAML, with these defaults.
 struct JudgeSettings {
-  double false_reject_rate = 0.001;    ///< per statistic and part, (0, 0.5)
-  int monitored_weights = 3;           ///< leading weights per channel in T^2, 1..8
-  double weight_floor_sigma = 0.02;    ///< part-to-part deviation never taken smaller, prior sigmas
+  double false_reject_rate = 0.001;    ///< per part, all clusters and statistics, (0, 0.5)
+  double change_floor = 0.002;         ///< part-to-part deviation never taken smaller, ln units
   double colour_limit_de00 = 1.5;      ///< CIEDE2000 to the taught colour
   double gloss_limit_gu = 8;           ///< |gloss 60 - taught|
   double area_share_limit = 0.03;      ///< change of a cluster's share of the part
@@ -29,18 +30,23 @@ struct JudgeSettings {
   double max_clipped = 0.02;           ///< share of the part's cells; beyond: not judged
   double min_coverage = 0.05;          ///< of the inspected region; a smaller part is absent
   int min_bins = 20;                   ///< per cluster; fewer: not judged (coverage)
+  double max_shift_mm = 5;             ///< from the taught place; beyond: not judged (pose)
+  double max_rotation_deg = 5;         ///< in the plane; beyond: not judged (pose)
+  double max_tilt_deg = 1.5;           ///< about either axis; beyond: not judged (tilt)
 };
 
-/// One taught cluster. Weights are in prior sigmas, channel by channel.
+/// One taught cluster. Weights are in prior sigmas, channel by channel; monitored changes in ln
+/// units.
 struct TaughtCluster {
   std::string name;
   int parts = 0;                         ///< N: taught from; 0 in a draft without limits
   Eigen::MatrixXd mean;                  ///< k x channels
-  Eigen::VectorXd monitored_mean;        ///< p = monitored_weights x channels
+  MonitoredDirections directions;        ///< p of them
+  Eigen::VectorXd monitored_mean;        ///< p
   Eigen::MatrixXd monitored_covariance;  ///< p x p, Ledoit-Wolf shrunk plus floor
   double t2_limit = 0;
   std::vector<int> bin_id;             ///< bins seen while teaching
-  Eigen::MatrixXd bin_residual;        ///< bins x channels, mean mapped residual of the model there
+  Eigen::MatrixXd bin_residual;        ///< bins x channels, mean of what the directions leave there
   Eigen::MatrixXd bin_residual_sigma;  ///< bins x channels, its part-to-part deviation, floored
   double spe_limit = 0;
   double area_share = 0;
@@ -59,6 +65,7 @@ struct Recipe {
   int components = 0;
   double part_height_mm = 0;  ///< of the taught parts' surface over the white reference's
   JudgeSettings settings;
+  TaughtLayout layout;                  ///< empty: parts are not registered
   std::vector<TaughtCluster> clusters;  ///< 1..8
   std::vector<std::string> warnings;    ///< e.g. taught from one part
 };
@@ -70,16 +77,27 @@ struct TeachSample {
   double area_share = 0;
 };
 
-/// One cluster from its samples in N good parts (N >= 1): mean weights, Ledoit-Wolf covariance
-/// (2004), limits by predictive simulation of the shrunk estimator with a fixed seed (limits.hpp).
-/// N = 1, 2 rest on the floor and the measurements' own noise alone.
-/// @param eta  of the ridge that the weights came from
-/// Throws InputError when empty, when shapes differ or a number is not finite.
-TaughtCluster teach_cluster(const Basis& basis, const std::vector<TeachSample>& parts,
-                            const JudgeSettings& settings, double eta = kRidgeEta);
+/// The bins that at least half of the parts saw, at their mean directions.
+/// Throws InputError where there is none.
+BinFrame common_frame(const std::vector<TeachSample>& parts);
 
-/// The same from observations, without area share, gloss and colour: a pure function of matrices.
+/// The parts along the material's monitored directions on their common frame.
+/// @param material  the taught reconstruction
+struct ObservedParts {
+  MonitoredDirections directions;
+  std::vector<ClusterObservation> parts;
+};
+ObservedParts observe_parts(const Basis& basis, const Brdf& material,
+                            const std::vector<TeachSample>& parts);
+
+/// One cluster from N good parts (N >= 1): mean weights, Ledoit-Wolf covariance (2004), limits by
+/// predictive simulation of the shrunk estimator with a fixed seed (limits.hpp), each for its share
+/// of the part's false-reject rate. N = 1, 2 rest on a prior for the part-to-part deviation and the
+/// measurements' own noise. A pure function of matrices, without directions, area share, gloss and
+/// colour.
+/// @param clusters  of the recipe: they share the rate
+/// Throws InputError when empty, when shapes differ or a number is not finite.
 TaughtCluster teach_observed(const std::vector<ClusterObservation>& parts,
-                             const JudgeSettings& settings);
+                             const JudgeSettings& settings, int clusters = 1);
 
 }  // namespace brdfgate

@@ -57,9 +57,15 @@ float squared_distance(const float* cell, const float* expected, int channels) {
   return sum / static_cast<float>(channels);
 }
 
+/// A squared distance with the bonus of the taught place.
+float nearer(float squared) {
+  const float d = std::max(0.0F, std::sqrt(squared) - static_cast<float>(kPriorBonus));
+  return d * d;
+}
+
 Assignment assign_cells(const LogImage& image, const cv::Mat& bin,
                         const std::vector<ExpectedLog>& expected, const cv::Mat& part,
-                        double tolerance) {
+                        double tolerance, const cv::Mat& prior) {
   Assignment out{cv::Mat(part.size(), CV_8UC1, cv::Scalar(kNotPart)),
                  cv::Mat::zeros(part.size(), CV_8UC1)};
   const int channels = image.value.channels();
@@ -70,6 +76,7 @@ Assignment assign_cells(const LogImage& image, const cv::Mat& bin,
     const auto* variance = image.variance.ptr<float>(v);
     auto* nearest = out.nearest.ptr<unsigned char>(v);
     auto* far = out.far.ptr<unsigned char>(v);
+    const auto* taught = prior.empty() ? nullptr : prior.ptr<unsigned char>(v);
     for (int u = 0; u < part.cols; ++u) {
       if (!inside[u]) continue;
       float least = std::numeric_limits<float>::infinity();
@@ -77,7 +84,8 @@ Assignment assign_cells(const LogImage& image, const cv::Mat& bin,
       const int first = u * channels;
       const int row = id[u] * channels;
       for (std::size_t k = 0; k < expected.size(); ++k) {
-        const float d = squared_distance(value + first, expected[k].data() + row, channels);
+        float d = squared_distance(value + first, expected[k].data() + row, channels);
+        if (taught != nullptr && taught[u] == k) d = nearer(d);
         if (!(d < least)) continue;  // nor where nothing is expected: NaN
         least = d;
         nearest[u] = static_cast<unsigned char>(k);
@@ -118,7 +126,7 @@ cv::Mat fixture_cells(const std::vector<Reflectance>& r, const FixtureAppearance
 
 Regions assign_regions(const std::vector<Reflectance>& r, const BinMap& bins,
                        const cv::Mat& not_part, const std::vector<TaughtAppearance>& taught,
-                       double tolerance) {
+                       double tolerance, const cv::Mat& prior) {
   const Reflectance& light = diffuse_light(r);
   if (taught.empty() || taught.size() > 8) {
     throw InputError("taught clusters", std::to_string(taught.size()), "1 to 8");
@@ -129,6 +137,7 @@ Regions assign_regions(const std::vector<Reflectance>& r, const BinMap& bins,
   const cv::Mat& bin = bins.id[r.size() > 1 ? 1 : 0];
   check_sizes(light, bin, "bin map");
   check_sizes(light, not_part, "part mask");
+  if (!prior.empty()) check_sizes(light, prior, "taught labels");
   std::vector<ExpectedLog> expected;
   expected.reserve(taught.size());
   for (const TaughtAppearance& t : taught)
@@ -136,7 +145,8 @@ Regions assign_regions(const std::vector<Reflectance>& r, const BinMap& bins,
 
   const cv::Mat inspected = bin >= 0;
   const cv::Mat part = inspected & (not_part == 0) & ((light.mask & cv::Scalar(kInvalid)) == 0);
-  const Assignment a = assign_cells(smoothed_log(light, part), bin, expected, part, tolerance);
+  const Assignment a =
+      assign_cells(smoothed_log(light, part), bin, expected, part, tolerance, prior);
   Regions regions;
   regions.clusters = static_cast<int>(taught.size());
   regions.label = clean_labels(a.nearest, a.far, regions.clusters);

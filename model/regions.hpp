@@ -46,9 +46,15 @@ struct TaughtAppearance {
 };
 /// Assigns every part cell to the nearest taught cluster, or kUnknown beyond `tolerance` (RMS over
 /// channels of ln f) after noise.
+/// @param prior  CV_8UC1, the taught label of each cell (expected_labels), or empty: that cluster
+///               counts as nearer by kPriorBonus, so that materials that light 2 shows alike are
+///               told apart by their place
 Regions assign_regions(const std::vector<Reflectance>& r, const BinMap& bins,
                        const cv::Mat& not_part, const std::vector<TaughtAppearance>& taught,
-                       double tolerance);
+                       double tolerance, const cv::Mat& prior = {});
+
+/// RMS over channels of ln f: under the least distance at which find_regions tells materials apart.
+inline constexpr double kPriorBonus = 0.15;
 
 /// Averages a cluster's good cells bin by bin, in linear reflectance, before any logarithm. Cells
 /// within `margin_cells` of another label are left out (mixed pixels). Bins with fewer than

@@ -17,7 +17,7 @@ void check(const TaughtCluster& taught, const ClusterObservation& seen) {
   if (seen.monitored.size() != taught.monitored_mean.size() ||
       seen.channels() != taught.bin_residual.cols()) {
     throw InputError("cluster '" + taught.name + "'",
-                     std::to_string(seen.monitored.size()) + " monitored weights of " +
+                     std::to_string(seen.monitored.size()) + " monitored changes of " +
                          std::to_string(seen.channels()) + " channels",
                      std::to_string(taught.monitored_mean.size()) + " of " +
                          std::to_string(taught.bin_residual.cols()));
@@ -83,22 +83,26 @@ Deviation deviation(const TaughtCluster& taught, const ClusterObservation& seen)
   return {weights.d.dot(weights.solved()), taught.t2_limit, spe, taught.spe_limit};
 }
 
-Deviation deviation(const TaughtCluster& taught, const Basis& basis, const BinnedSamples& samples,
-                    const Weights& weights, double eta) {
-  if (is_draft(taught)) return {};
-  const auto per_channel =
-      static_cast<int>(taught.monitored_mean.size() / std::max(1, samples.channels));
-  return deviation(taught, observe(basis, samples, weights, per_channel, eta));
-}
-
-WeightShift largest_shift(const TaughtCluster& taught, const ClusterObservation& seen) {
+MonitoredShift largest_shift(const TaughtCluster& taught, const ClusterObservation& seen) {
   check(taught, seen);
   const WeightDistance weights = weight_distance(taught, seen);
   Index at = 0;
   weights.d.cwiseProduct(weights.solved()).maxCoeff(&at);
-  const Index per_channel = std::max<Index>(1, weights.d.size() / std::max(1, seen.channels()));
-  return {static_cast<int>(at / per_channel), static_cast<int>(at % per_channel),
-          weights.d[at] / std::sqrt(weights.covariance(at, at))};
+  const auto i = static_cast<std::size_t>(at);
+  const std::vector<std::string>& names = taught.directions.names;
+  return {i < names.size() ? names[i] : "direction " + std::to_string(at + 1),
+          std::expm1(weights.d[at]), weights.d[at] / std::sqrt(weights.covariance(at, at))};
+}
+
+std::optional<Lab> compared_colour(const TaughtCluster& taught, const ClusterObservation& seen) {
+  const std::vector<std::string>& names = taught.directions.names;
+  if (names.size() < 3 || names[0] != level_name(0, 3) || names[1] != level_name(1, 3) ||
+      names[2] != level_name(2, 3)) {
+    return std::nullopt;
+  }
+  const Eigen::Array3d rgb = xyz_to_linear_srgb(lab_to_xyz(taught.lab));
+  const Eigen::Array3d change = (seen.monitored - taught.monitored_mean).head<3>().array().exp();
+  return linear_srgb_to_lab(rgb * change);
 }
 
 ResidualShift largest_residual(const TaughtCluster& taught, const ClusterObservation& seen) {

@@ -59,7 +59,7 @@ struct Deviation {
   double spe = 0;
   double spe_limit = 0;
 };
-/// T^2 = d^T (S_taught (1 + 1/N) + S_measured)^-1 d over the monitored weights' distance d from the
+/// T^2 = d^T (S_taught (1 + 1/N) + S_measured)^-1 d over the monitored changes' distance d from the
 /// taught mean of N parts. S_measured is what pixel noise alone does to this measurement's weights
 /// (noise_covariance), not the ridge's posterior: most of that stands for model discrepancy, which
 /// is the same in all parts of one material, so that it cancels in d and would only blunt the test.
@@ -68,16 +68,20 @@ struct Deviation {
 /// NaN where nothing comparable was seen. All 0 for a draft (no limits taught).
 /// Throws InputError when shapes differ.
 Deviation deviation(const TaughtCluster& taught, const ClusterObservation& seen);
-Deviation deviation(const TaughtCluster& taught, const Basis& basis, const BinnedSamples& samples,
-                    const Weights& weights, double eta = kRidgeEta);
 
-/// The monitored weight with the largest share d_i (S^-1 d)_i of T^2.
-struct WeightShift {
-  int channel = 0;    ///< from 0
-  int component = 0;  ///< from 0
-  double sigmas = 0;  ///< d_i over its standard deviation under S
+/// The monitored change with the largest share d_i (S^-1 d)_i of T^2.
+struct MonitoredShift {
+  std::string name;   ///< of the direction
+  double change = 0;  ///< relative, of its factor: 0.05 is 5 % more than taught
+  double sigmas = 0;  ///< over its standard deviation under S
 };
-WeightShift largest_shift(const TaughtCluster& taught, const ClusterObservation& seen);
+MonitoredShift largest_shift(const TaughtCluster& taught, const ClusterObservation& seen);
+
+/// The part's colour at 45:0: the taught one with its diffuse level changed as the part's is. A
+/// comparison of two parts is far better known this way than from two reconstructions, whose errors
+/// at 45:0 (which this rig does not see) do not cancel. Nothing where the levels of three channels
+/// are not monitored.
+std::optional<Lab> compared_colour(const TaughtCluster& taught, const ClusterObservation& seen);
 
 /// The bin and channel with the largest share of SPE.
 struct ResidualShift {
@@ -127,7 +131,9 @@ struct PartResult {
   int worst_cluster = 0;
   std::array<double, 2> tilt_deg{};  ///< of the part, about x and y
   std::array<double, 2> tilt_sigma_deg{};
-  double height_mm = 0;  ///< of the part over the taught plane
+  std::array<double, 2> shift_mm{};  ///< from the taught place, x and y
+  double rotation_deg = 0;           ///< from the taught pose, about z
+  double height_mm = 0;              ///< of the part over the taught plane
   double height_sigma_mm = 0;
   double ambient = 0;  ///< share of white
   double clipped = 0;  ///< share of the part's cells

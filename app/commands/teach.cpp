@@ -9,6 +9,7 @@
 #include "app/session.hpp"
 #include "app/station.hpp"
 #include "app/teacher.hpp"
+#include "model/teaching_checks.hpp"
 
 namespace brdfgate {
 namespace {
@@ -44,6 +45,18 @@ void teach_live(const TeachOptions& options, const StationConfig& config, Teache
   }
 }
 
+/// With how many parts the limits are compared: the issue's own figure for a production recipe.
+constexpr int kManyParts = 50;
+
+void print_reach(const TaughtCluster& c, const Recipe& recipe) {
+  const int clusters = static_cast<int>(recipe.clusters.size());
+  const int more = std::max(kManyParts, 2 * recipe.parts);
+  fmt::print("    monitored; a change alone is rejected from");
+  for (const Reach& r : reach_of(c, recipe.settings, clusters, more))
+    fmt::print(" {} {:.1f} % ({:.1f} %),", r.name, 100 * r.now, 100 * r.with_more);
+  fmt::print(" in brackets: if {} such parts had been taught\n", more);
+}
+
 void print_recipe(const Recipe& recipe, const std::filesystem::path& file) {
   fmt::print("{}: recipe {} '{}' from {} part(s)\n", file.string(), recipe.id, recipe.name,
              recipe.parts);
@@ -54,6 +67,7 @@ void print_recipe(const Recipe& recipe, const std::filesystem::path& file) {
         "SPE {:.2f}\n",
         c.name, 100 * c.area_share, c.gloss_gu[1], c.lab[0], c.lab[1], c.lab[2], c.t2_limit,
         c.spe_limit);
+    print_reach(c, recipe);
   }
   for (const std::string& warning : recipe.warnings)
     fmt::print(stderr, "warning: {}\n", warning);
@@ -62,11 +76,21 @@ void print_recipe(const Recipe& recipe, const std::filesystem::path& file) {
 nlohmann::json recipe_to_json(const Recipe& recipe, const std::filesystem::path& file) {
   nlohmann::json clusters = nlohmann::json::array();
   for (const TaughtCluster& c : recipe.clusters) {
+    nlohmann::json monitored = nlohmann::json::array();
+    const int more = std::max(kManyParts, 2 * recipe.parts);
+    for (const Reach& r :
+         reach_of(c, recipe.settings, static_cast<int>(recipe.clusters.size()), more)) {
+      monitored.push_back({{"name", r.name},
+                           {"rejected_from", r.now},
+                           {"rejected_from_with_more_parts", r.with_more},
+                           {"more_parts", more}});
+    }
     clusters.push_back(
         {{"name", c.name},
          {"area_share", c.area_share},
          {"gloss_gu", {{"20", c.gloss_gu[0]}, {"60", c.gloss_gu[1]}, {"85", c.gloss_gu[2]}}},
          {"lab", {c.lab[0], c.lab[1], c.lab[2]}},
+         {"monitored", monitored},
          {"t2_limit", c.t2_limit},
          {"spe_limit", c.spe_limit}});
   }

@@ -8,7 +8,7 @@ import unittest
 
 from bench import Bench
 
-BITS = {"t2": 0, "spe": 1, "local_defect": 2, "missing_cluster": 3, "unknown_region": 4, "colour": 5, "gloss": 6, "ambient": 8,
+BITS = {"t2": 0, "spe": 1, "local_defect": 2, "missing_cluster": 3, "unknown_region": 4, "colour": 5, "gloss": 6, "tilt": 7, "ambient": 8,
         "clipped": 9, "coverage": 10, "part_absent": 13, "pose_or_face": 14, "calibration_or_recipe": 15}
 EXIT = {"pass": 0, "reject": 1, "not_judged": 3}
 BENCH = Bench(sys.argv[1], sys.argv[2])
@@ -37,6 +37,25 @@ class Verdicts(unittest.TestCase):
         code, parts = inspect(recordings, "--recipe", BENCH.recipe)
         self.assertEqual([p["verdict"] for p in parts], ["pass"] * 5, [p["reasons"] for p in parts])
         self.assertEqual(code, 0)
+
+    def posed(self, name, pose):
+        text = (BENCH.folder / "scenes/good.yaml").read_text()
+        BENCH.scene(name, text.replace("jitter: {shift_mm: 0.3, rotation_deg: 0.2}", "pose: " + pose))
+        return name
+
+    def test_a_good_part_shifted_and_turned_within_range_passes(self):
+        part = self.judged(self.posed("moved", "{shift_mm: [3, -2.5], rotation_deg: 4}"), "pass", [])
+        self.assertAlmostEqual(part["shift_mm"][0], 3, delta=0.4)
+        self.assertAlmostEqual(part["shift_mm"][1], -2.5, delta=0.4)
+        self.assertAlmostEqual(part["rotation_deg"], 4, delta=0.4)
+
+    def test_a_part_too_far_from_its_place_is_not_judged(self):
+        part = self.judged(self.posed("far", "{shift_mm: [6.5, 0]}"), "not_judged", ["pose_or_face"])
+        self.assertAlmostEqual(part["shift_mm"][0], 6.5, delta=0.5)
+        self.judged(self.posed("turned", "{rotation_deg: -7}"), "not_judged", ["pose_or_face"])
+
+    def test_a_part_tilted_too_far_is_not_judged(self):
+        self.judged(self.posed("tilted", "{tilt_deg: [2.2, 0]}"), "not_judged", ["tilt"])
 
     def test_a_rougher_body_is_rejected(self):
         self.judged("bad_gloss", "reject", ["t2", "spe", "gloss"])

@@ -51,8 +51,7 @@ inspection:
 
 judge:
   false_reject_rate: 0.001
-  monitored_weights: 3
-  weight_floor_sigma: 0.02
+  change_floor: 0.002
   colour_limit_de00: 1.5
   gloss_limit_gu: 8
   area_share_limit: 0.03

@@ -18,6 +18,32 @@ namespace {
 
 namespace fs = std::filesystem;
 
+MonitoredDirections three_directions(int bins, int channels) {
+  MonitoredDirections d;
+  d.names = {"diffuse level", "gloss level", "roughness"};
+  for (int j = 0; j < bins; ++j) {
+    d.frame.id.push_back(20 + j);
+    d.frame.light.push_back(1 + j % 2);
+    d.frame.directions.push_back({0.1 * j, 0.9, 0.2});
+  }
+  d.reference = Eigen::MatrixXd::Random(bins, channels);
+  d.weight = Eigen::MatrixXd::Constant(bins, channels, 4e4);
+  d.response = Eigen::MatrixXd::Random(bins * channels, 3);
+  return d;
+}
+
+TaughtLayout small_layout() {
+  TaughtLayout l{0.0005,
+                 cv::Mat(5, 5, CV_8UC1, cv::Scalar(kNotPart)),
+                 cv::Mat(5, 5, CV_32FC1, cv::Scalar(-2)),
+                 cv::Mat(5, 5, CV_8UC1, cv::Scalar(255)),
+                 {{1e-4, -2e-4}, 0.01}};
+  l.label.at<unsigned char>(2, 3) = 0;
+  l.look.at<float>(2, 3) = 0.25F;
+  l.seen.at<unsigned char>(0, 1) = 0;
+  return l;
+}
+
 Recipe taught_recipe(int clusters = 2, int channels = 3) {
   Recipe recipe;
   recipe.id = 7;
@@ -29,17 +55,18 @@ Recipe taught_recipe(int clusters = 2, int channels = 3) {
   recipe.channels = channels;
   recipe.components = 4;
   recipe.part_height_mm = 2.125;
-  recipe.settings.monitored_weights = 2;
   recipe.settings.max_ambient = 0.1234567890123;
   recipe.settings.min_bins = 33;
   recipe.warnings = {"taught from 4 part(s)", "no: colour"};
   test::GaussianParts good(2);
   good.components = 4;
   good.channels = channels;
-  good.monitored = 2;
+  good.monitored = 3 / channels;
   good.bins = 6;
+  recipe.layout = small_layout();
   for (int i = 0; i < clusters; ++i) {
     TaughtCluster taught = teach_observed(good.parts(4), recipe.settings);
+    taught.directions = three_directions(6, channels);
     taught.name = i == 0 ? "body" : "region " + std::to_string(i);
     taught.area_share = 1.0 / clusters;
     taught.gloss_gu = {1.5, 20.25, 60};
@@ -64,6 +91,13 @@ void check_same(const TaughtCluster& a, const TaughtCluster& b) {
   CHECK(a.name == b.name);
   CHECK(a.parts == b.parts);
   check_near(a.mean, b.mean);
+  CHECK(a.directions.names == b.directions.names);
+  CHECK(a.directions.frame.id == b.directions.frame.id);
+  CHECK(a.directions.frame.light == b.directions.frame.light);
+  CHECK(a.directions.frame.directions[3].theta_h == b.directions.frame.directions[3].theta_h);
+  CHECK(a.directions.reference == b.directions.reference);
+  CHECK(a.directions.weight == b.directions.weight);
+  CHECK(a.directions.response == b.directions.response);
   check_near(a.monitored_mean, b.monitored_mean);
   check_near(a.monitored_covariance, b.monitored_covariance);
   CHECK(a.t2_limit == Approx(b.t2_limit).epsilon(1e-8));
@@ -104,6 +138,13 @@ TEST_CASE("A recipe comes back from its file with every field", "[recipe_file]")
     REQUIRE(r.clusters.size() == 2);
     check_same(r.clusters[0], written.clusters[0]);
     check_same(r.clusters[1], written.clusters[1]);
+    CHECK(r.layout.pitch_m == 0.0005);
+    CHECK(r.layout.taught.shift_m == written.layout.taught.shift_m);
+    CHECK(r.layout.taught.rotation == 0.01);
+    CHECK(cv::countNonZero(r.layout.label != written.layout.label) == 0);
+    CHECK(cv::countNonZero(r.layout.seen != written.layout.seen) == 0);
+    CHECK(r.layout.look.at<float>(2, 3) == 0.25F);
+    CHECK(r.layout.look.at<float>(4, 4) == -2);
     // Written again it is the same text.
     write_recipe(dir / "b.yaml", r);
     CHECK(text_of(dir / "a.yaml") == text_of(dir / "b.yaml"));
@@ -114,12 +155,15 @@ TEST_CASE("Every setting comes back exactly", "[recipe_file]") {
   const TempDir dir;
   Recipe recipe = taught_recipe(1);
   JudgeSettings& s = recipe.settings;
-  s = {0.0123, 2, 0.034, 1.25, 7.5, 0.041, 0.0031, 0.51, 0.22, 1.75, 0.061, 0.011, 0.071, 21};
+  s = {0.0123, 0.034, 1.25,  7.5,   0.041, 0.0031, 0.51, 0.22,
+       1.75,   0.061, 0.011, 0.071, 21,    4.5,    3.25, 0.75};
   write_recipe(dir / "r.yaml", recipe);
   const JudgeSettings r = read_recipe(dir / "r.yaml").settings;
   CHECK(r.false_reject_rate == s.false_reject_rate);
-  CHECK(r.monitored_weights == s.monitored_weights);
-  CHECK(r.weight_floor_sigma == s.weight_floor_sigma);
+  CHECK(r.change_floor == s.change_floor);
+  CHECK(r.max_shift_mm == s.max_shift_mm);
+  CHECK(r.max_rotation_deg == s.max_rotation_deg);
+  CHECK(r.max_tilt_deg == s.max_tilt_deg);
   CHECK(r.colour_limit_de00 == s.colour_limit_de00);
   CHECK(r.gloss_limit_gu == s.gloss_limit_gu);
   CHECK(r.area_share_limit == s.area_share_limit);
@@ -158,7 +202,7 @@ TEST_CASE("A malformed recipe is refused by field", "[recipe_file]") {
     const char* complaint;
   };
   const Row rows[] = {
-      {"brdfgate.recipe/1", "brdfgate.recipe/2", "schema"},
+      {"brdfgate.recipe/2", "brdfgate.recipe/1", "schema"},
       {"id: 7", "id: 0", "id"},
       {"id: 7", "id: 65536", "id"},
       {"parts: 4", "parts: none", "parts"},
@@ -166,8 +210,16 @@ TEST_CASE("A malformed recipe is refused by field", "[recipe_file]") {
       {"channels: 3", "channels: 1", "clusters[0].mean"},
       {"components: 4", "components: 5", "clusters[0].mean"},
       {"components: 4", "components: 1000000", "components"},
-      {"monitored_weights: 2", "monitored_weights: 3", "clusters[0].monitored_mean"},
-      {"monitored_weights: 2", "monitored_weights: 9", "settings.monitored_weights"},
+      {"names: [\"diffuse level\", ", "names: [", "clusters[0].directions.response"},
+      {"side: 5", "side: 6", "layout.label"},
+      {"label: \"////", "label: \"AQkB", "layout.label"},
+      {"look: \"", "look: \"AAAA", "layout.look"},
+      {"pitch_m: ", "pitch_m: -", "layout.pitch_m"},
+      {"light: [1, ", "light: [3, ", "clusters[0].directions.light"},
+      {"light: [1, ", "light: [", "clusters[0].directions.light"},
+      {"angles: \"", "angles: \"AAAA", "clusters[0].directions.angles"},
+      {"weight: \"", "weight: \"AAAA", "clusters[0].directions.weight"},
+      {"monitored_mean: [", "monitored_mean: [1, ", "clusters[0].monitored_mean"},
       {"false_reject_rate: 0.001", "false_reject_rate: 0.5", "settings.false_reject_rate"},
       {"min_bins: 33", "min_bins: 33\n  surplus: 1", "surplus"},
       {"min_bins: 33", "max_bins: 33", "min_bins"},

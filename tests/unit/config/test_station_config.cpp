@@ -129,7 +129,7 @@ TEST_CASE("Every rule of the station file complains at its place with its path")
        "a mono sensor measures no colour"},
       {"false_reject_rate: 0.001", "false_reject_rate: 0.5", "0.5\n", "judge.false_reject_rate",
        "above 0 and below 0.5"},
-      {"monitored_weights: 3", "monitored_weights: 0", "0\n", "judge.monitored_weights", "1..8"},
+      {"change_floor: 0.002", "change_floor: 0", "0\n", "judge.change_floor", "above 0"},
       {"min_coverage: 0.25", "min_coverage: 25", "25", "judge.min_coverage", "0..1"},
       {"min_coverage: 0.25", "min_covrage: 0.25", "false_reject_rate", "judge.min_coverage",
        "missing; expected this key (is 'min_covrage' in line 59 a misspelling of it?)"},

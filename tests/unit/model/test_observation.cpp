@@ -107,26 +107,3 @@ TEST_CASE("Mapped noise is the mapping's slope times the noise", "[observation]"
     CHECK(noise(j, 1) == Approx(slope * slope * bin.variance[1]).epsilon(1e-6));
   }
 }
-
-TEST_CASE("An observation holds the leading weights, the residuals and their noise",
-          "[observation]") {
-  const auto basis = small_basis();
-  const BinnedSamples samples = satin(0.02);
-  const Weights weights = ridge(*basis, samples);
-  const ClusterObservation seen = observe(*basis, samples, weights, 2);
-  CHECK(seen.monitored.size() == 6);
-  const Eigen::MatrixXd sigmas = weights.in_prior_sigmas(basis->info().observations);
-  for (int c = 0; c < 3; ++c) {
-    for (int i = 0; i < 2; ++i)
-      CHECK(seen.monitored[2 * c + i] == sigmas(i, c));
-  }
-  const auto noise = noise_covariance(*basis, samples);
-  CHECK((seen.monitored_noise.block(4, 4, 2, 2) - noise[2].topLeftCorner(2, 2)).norm() <
-        1e-10 * noise[2].norm());
-  CHECK(seen.monitored_noise(0, 2) == 0);  // channels have independent noise
-  CHECK((seen.residual - mapped_residual(*basis, samples, weights)).norm() == 0);
-  CHECK(seen.bin_id.size() == 30);
-  CHECK(seen.channels() == 3);
-  // More weights than the basis has: all of them.
-  CHECK(observe(*basis, samples, weights, 8).monitored.size() == 18);
-}

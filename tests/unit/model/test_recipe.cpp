@@ -23,9 +23,7 @@ struct Rejects {
 Rejects false_rejects(int parts, double rate) {
   constexpr int kRecipes = 8, kFresh = 400;
   JudgeSettings settings;
-  settings.false_reject_rate = rate;
-  settings.monitored_weights = 2;
-  settings.weight_floor_sigma = 0.002;
+  settings.false_reject_rate = rate / split_rate(1, 1).per_statistic;
   Rejects rejects;
   for (int recipe = 0; recipe < kRecipes; ++recipe) {
     GaussianParts good(static_cast<std::uint64_t>(1000 * parts + recipe));
@@ -70,8 +68,8 @@ TEST_CASE("A taught cluster holds the parts' means, and never less spread than t
   CHECK(taught.monitored_mean[4] == Approx(mean(1, 1)));  // channel by channel
   CHECK(taught.bin_id.size() == 40);
   CHECK(taught.bin_residual.rows() == 40);
-  CHECK(taught.bin_residual_sigma.minCoeff() >= 0.02);
-  const double floor = settings.weight_floor_sigma;
+  CHECK(taught.bin_residual_sigma.minCoeff() >= 0.004);
+  const double floor = settings.change_floor;
   CHECK(taught.monitored_covariance.diagonal().minCoeff() >= floor * floor);
 
   good.weight_deviation = 0;
@@ -79,20 +77,20 @@ TEST_CASE("A taught cluster holds the parts' means, and never less spread than t
   const TaughtCluster still = teach_observed(good.parts(12), settings);
   CHECK((still.monitored_covariance - floor * floor * Eigen::MatrixXd::Identity(9, 9)).norm() <
         1e-12);
-  CHECK(still.bin_residual_sigma.maxCoeff() == Approx(0.02));
+  CHECK(still.bin_residual_sigma.maxCoeff() == Approx(0.004));
   CHECK(still.spe_limit == kLeastSpeLimit);
 }
 
-TEST_CASE("One or two parts teach the floor and the known noise alone", "[recipe]") {
+TEST_CASE("One or two parts teach a prior spread and the known noise alone", "[recipe]") {
   JudgeSettings settings;
-  settings.false_reject_rate = 0.01;
+  settings.false_reject_rate = 0.01 / split_rate(1, 1).per_statistic;
   for (const int n : {1, 2}) {
     GaussianParts good(9);
     good.noise_deviation = 0.03;
     const TaughtCluster taught = teach_observed(good.parts(n), settings);
     CAPTURE(n);
     CHECK((taught.monitored_covariance -
-           (0.02 * 0.02 + 0.03 * 0.03) * Eigen::MatrixXd::Identity(9, 9))
+           (0.002 * 0.002 + 0.03 * 0.03 + 0.03 * 0.03) * Eigen::MatrixXd::Identity(9, 9))
               .norm() < 1e-12);
     CHECK(taught.bin_residual_sigma.maxCoeff() == Approx(std::hypot(0.02, 0.03)));
     CHECK(taught.t2_limit == Approx(21.67).epsilon(0.06));
@@ -146,6 +144,6 @@ TEST_CASE("Teaching refuses parts that do not fit together and settings that mea
   bad.false_reject_rate = 0;
   CHECK(contains(teach(parts, bad), "false_reject_rate"));
   bad = {};
-  bad.weight_floor_sigma = std::numeric_limits<double>::infinity();
-  CHECK(contains(teach(parts, bad), "weight_floor_sigma"));
+  bad.change_floor = std::numeric_limits<double>::infinity();
+  CHECK(contains(teach(parts, bad), "change_floor"));
 }

@@ -375,3 +375,26 @@ TEST_CASE("Regions refuse what does not fit together, naming it") {
   CHECK(contains(input_error([&] { return assign({}); }), "1 to 8"));
   CHECK(contains(input_error([&] { return assign({{Eigen::ArrayXXd::Zero(3, 3)}}); }), "3 bins"));
 }
+
+TEST_CASE("Materials that light 2 shows alike are told apart by their taught place", "[regions]") {
+  const SyntheticStation station(182, 136);
+  const RegionAt halves = [](double x, double y) {
+    if (std::max(std::abs(x), std::abs(y)) > 0.035) return int{kNotPart};
+    return x > 0 ? 1 : 0;
+  };
+  SyntheticPart part;
+  part.region = halves;
+  part.materials = {matte({0.2, 0.15, 0.1}), matte({0.2, 0.15, 0.1})};
+  const std::vector<Reflectance> r = render(station, part);
+  const std::vector<TaughtAppearance> taught{taught_from(station, part.materials[0]),
+                                             taught_from(station, part.materials[1])};
+  const cv::Mat truth = true_labels(station, halves);
+  const cv::Mat not_part = true_not_part(station, halves);
+  const auto wrong = [&](const cv::Mat& prior) {
+    const Regions found = assign_regions(r, station.map.bins, not_part, taught, 0.45, prior);
+    return double(cv::countNonZero((found.label != truth) & (not_part == 0))) /
+           cv::countNonZero(not_part == 0);
+  };
+  CHECK(wrong(truth) < 0.01);
+  CHECK(wrong({}) > 0.1);
+}

@@ -29,6 +29,7 @@ namespace {
 TaughtCluster two_weights() {
   TaughtCluster taught;
   taught.parts = 4;
+  taught.directions.names = {"gloss level", "roughness"};
   taught.monitored_mean = Eigen::Vector2d(1, 2);
   taught.monitored_covariance = Eigen::Vector2d(0.16, 0.04).asDiagonal();
   taught.t2_limit = 10;
@@ -60,13 +61,29 @@ TEST_CASE("T^2 and SPE are what their formulas say, worked by hand", "[verdict]"
   // Bins 8 and 3 are taught, bin 4 is not: 1^2 / (1.25 * 0.16 + 0.3), 0.3^2 / (1.25 * 0.04 + 0.1).
   CHECK(d.spe == Approx((1 / 0.5 + 0.09 / 0.15) / 2));
   CHECK(d.spe_limit == 2);
-  const WeightShift weight = largest_shift(two_weights(), two_seen());
-  CHECK(weight.component == 1);
-  CHECK(weight.channel == 0);
-  CHECK(weight.sigmas == Approx(-2));
+  const MonitoredShift shift = largest_shift(two_weights(), two_seen());
+  CHECK(shift.name == "roughness");
+  CHECK(shift.change == Approx(std::exp(-1.0) - 1));
+  CHECK(shift.sigmas == Approx(-2));
   const ResidualShift residual = largest_residual(two_weights(), two_seen());
   CHECK(residual.angles.theta_h == 0.3);
   CHECK(residual.sigmas == Approx(1 / std::sqrt(0.5)));
+}
+
+TEST_CASE("A part's colour is the taught one, changed as its diffuse levels are", "[verdict]") {
+  TaughtCluster taught;
+  const Eigen::Array3d rgb(0.4, 0.2, 0.1);
+  taught.lab = linear_srgb_to_lab(rgb);
+  taught.directions.names = {"diffuse level R", "diffuse level G", "diffuse level B", "roughness"};
+  taught.monitored_mean = Eigen::Vector4d(0.01, 0, 0, 0);
+  ClusterObservation seen;
+  seen.monitored = Eigen::Vector4d(0.01 + std::log(1.1), std::log(0.9), 0, 5);
+  const auto colour = compared_colour(taught, seen);
+  REQUIRE(colour.has_value());
+  const Lab expected = linear_srgb_to_lab(rgb * Eigen::Array3d(1.1, 0.9, 1));
+  CHECK((*colour - expected).abs().maxCoeff() < 1e-6);
+  taught.directions.names.erase(taught.directions.names.begin());
+  CHECK_FALSE(compared_colour(taught, seen).has_value());
 }
 
 TEST_CASE("T^2 does not depend on the units of the weights", "[verdict]") {
@@ -112,5 +129,5 @@ TEST_CASE("A part of another shape than the taught one is refused by name", "[ve
   ClusterObservation seen = two_seen();
   seen.monitored = Eigen::Vector3d(1, 2, 3);
   const std::string error = brdfgate::test::input_error([&] { return deviation(taught, seen); });
-  CHECK(brdfgate::test::contains(error, "cluster 'lid': 3 monitored weights"));
+  CHECK(brdfgate::test::contains(error, "cluster 'lid': 3 monitored changes"));
 }

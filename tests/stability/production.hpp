@@ -1,0 +1,59 @@
+// Simulated production for the stability study: kinds of parts, what goes wrong with them, and the
+// line that captures and measures them in memory.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "app/inspector.hpp"
+#include "app/station.hpp"
+#include "hal/sim/sim_station.hpp"
+
+namespace brdfgate::stability {
+
+/// One kind of part, as produced when all is well.
+struct Kind {
+  std::string name;
+  Scene good;
+};
+
+/// One way to go wrong, at one size.
+struct Fault {
+  std::string name;  ///< of the way
+  double size = 0;   ///< of the change, in the unit of `name`
+  Scene scene;
+  /// Where part n has the scene's one defect, in turn, mm; empty: where the scene says.
+  std::vector<std::array<double, 2>> places = {};
+};
+
+/// Places of a part that the camera sees with room around, and where the specular share is at least
+/// `share` under one of the lights, shuffled; 0: all.
+std::vector<std::array<double, 2>> places_of(const Scene& scene, const StationGeometry& geometry,
+                                             const SensorFormat& sensor, double share);
+
+/// Matte, satin and gloss Cook-Torrance materials and a part of all three.
+std::vector<Kind> kinds();
+
+/// Every fault of a kind, sizes rising.
+std::vector<Fault> faults(const Kind& kind, const StationConfig& config);
+
+/// What a part is judged by, kept of its measurement.
+struct MeasuredPart {
+  std::vector<ClusterResult> clusters;
+  std::vector<std::optional<ClusterObservation>> observed;
+  std::vector<BinnedSamples> samples;
+  std::vector<Weights> linear;
+  PartFacts facts;
+  std::array<double, 2> tilt_deg{};
+  std::array<double, 2> tilt_sigma_deg{};
+};
+
+/// Parts `first` to first + count - 1 of a seed, rendered, captured and measured.
+std::vector<MeasuredPart> produce(const Fault& fault, const StationConfig& config,
+                                  const Inspector& inspector, const RecipeInForce* recipe,
+                                  std::uint64_t seed, int first, int count);
+
+/// A capture of one part on a bench of its own.
+Capture capture(const Scene& scene, const StationConfig& config, std::uint64_t seed, int index);
+
+}  // namespace brdfgate::stability

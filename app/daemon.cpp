@@ -10,6 +10,7 @@
 #include "app/recipe_file.hpp"
 #include "app/session.hpp"
 #include "config/register_map.hpp"
+#include "hal/gpio/gpio_trigger.hpp"
 #include "model/error.hpp"
 
 namespace brdfgate {
@@ -29,16 +30,6 @@ std::chrono::milliseconds seconds(double s) {
   return std::chrono::milliseconds(static_cast<long>(1000 * s));
 }
 
-PlcGateSettings gate_settings(const PlcConfig& plc) {
-  PlcGateSettings settings;
-  settings.word_order = plc.word_order;
-  settings.handshake_timeout = seconds(plc.handshake_timeout_s);
-  settings.plc_heartbeat_timeout = seconds(plc.heartbeat_timeout_s);
-  settings.owner_silence = std::min(settings.owner_silence, seconds(plc.tcp.idle_timeout_s));
-  settings.note = [](const std::string& text) { spdlog::warn("{}", text); };
-  return settings;
-}
-
 TcpServerSettings server_settings(const PlcConfig& plc) {
   TcpServerSettings settings;
   settings.bind = plc.tcp.bind;
@@ -53,13 +44,35 @@ TcpServerSettings server_settings(const PlcConfig& plc) {
   return settings;
 }
 
+std::unique_ptr<VerdictLines> open_verdict_lines(const StationConfig& config) {
+  return config.outputs ? std::make_unique<VerdictLines>(*config.outputs) : nullptr;
+}
+
 }  // namespace
+
+PlcGateSettings Daemon::gate_settings() {
+  const PlcConfig& plc = config_.plc;
+  PlcGateSettings settings;
+  settings.word_order = plc.word_order;
+  settings.handshake_timeout = seconds(plc.handshake_timeout_s);
+  settings.plc_heartbeat_timeout = seconds(plc.heartbeat_timeout_s);
+  settings.owner_silence = std::min(settings.owner_silence, seconds(plc.tcp.idle_timeout_s));
+  settings.note = [](const std::string& text) { spdlog::warn("{}", text); };
+  settings.without_plc = config_.trigger && !config_.trigger->needs_enable;
+  if (verdict_lines_) {
+    settings.show = [lines = verdict_lines_.get()](const GpioOutputState& state) {
+      lines->show(state);
+    };
+  }
+  return settings;
+}
 
 Daemon::Daemon(const StationConfig& config, const std::filesystem::path& evidence_dir)
     : config_(config),
       inspector_(load_inspector(config)),
       counter_file_(config.files.state_dir),
-      gate_(RegisterMap::built_in(), gate_settings(config.plc), counter_file_.at_start()),
+      verdict_lines_(open_verdict_lines(config)),
+      gate_(RegisterMap::built_in(), gate_settings(), counter_file_.at_start()),
       station_(open_station(config)) {
   if (!counter_file_.warning().empty()) spdlog::warn("{}", counter_file_.warning());
   load_recipes();
@@ -70,10 +83,12 @@ Daemon::Daemon(const StationConfig& config, const std::filesystem::path& evidenc
   announce(StationState::initialized);
   if (config.plc.tcp.enabled)
     server_ = std::make_unique<TcpServer>(server_settings(config.plc), gate_, gate_);
+  watch_trigger_line();
   housekeeper_ = std::jthread([this](const std::stop_token& stop) { keep_house(stop); });
 }
 
 Daemon::~Daemon() {
+  trigger_watch_.reset();
   announce(StationState::halted);
   station_->lights().all_off();
   housekeeper_.request_stop();
@@ -106,7 +121,9 @@ void Daemon::choose_recipe(std::uint16_t id) {
 
 void Daemon::announce(StationState state) {
   StationStatus status;
-  status.state = state;
+  trigger_lost_announced_ = trigger_lost_;
+  status.state = trigger_lost_announced_ ? StationState::error : state;
+  if (trigger_lost_announced_) status.error_code = ErrorCode::trigger_line;
   status.warning_bits = warnings_;
   status.recipe_id = in_force_ != nullptr ? static_cast<std::uint16_t>(in_force_->recipe.id) : 0;
   status.clusters =
@@ -134,10 +151,28 @@ void Daemon::observe(const Inspection& part) {
   if (evidence_) evidence_->offer(part);
 }
 
+/// A station that cannot see its trigger would let parts pass: it is in error until the line is
+/// back.
+void Daemon::watch_trigger_line() {
+  if (!config_.trigger) return;
+  TriggerWatch::Told told;
+  told.fired = [this] {
+    if (!gate_.external_trigger()) spdlog::warn("trigger line: not ready, the trigger was missed");
+  };
+  told.lost = [this](bool lost) {
+    trigger_lost_ = lost;
+    gate_.wake();
+  };
+  trigger_watch_ = std::make_unique<TriggerWatch>(
+      [gpio = config_.trigger->gpio] { return std::make_unique<GpioTrigger>(gpio); }, told);
+}
+
 void Daemon::run(const std::stop_token& stop) {
   const std::stop_callback wake(stop, [this] { gate_.wake(); });
   announce(StationState::ready);
+  notify_ready();
   while (!stop.stop_requested()) {
+    if (trigger_lost_ != trigger_lost_announced_) announce(StationState::ready);
     ++marks_.capture;
     ++marks_.judging;
     const PlcCommand command = gate_.wait_for_command(100ms);
@@ -154,9 +189,11 @@ void Daemon::keep_house(const std::stop_token& stop) {
   std::condition_variable_any pause;
   SteadyTime next_store = std::chrono::steady_clock::now() + kStoreEvery;
   FaultLog faults;
+  ServiceWatchdog watchdog;
   while (!stop.stop_requested()) {
     const SteadyTime now = std::chrono::steady_clock::now();
     const TickReport report = gate_.tick(now, {marks_.capture, marks_.judging});
+    watchdog.alive(now, marks_.capture + marks_.judging);
     if (report.handshake_released)
       faults.report("handshake", "the PLC did not acknowledge; released");
     if (report.plc_heartbeat_lost) faults.report("PLC heartbeat", "stands still");

@@ -9,8 +9,10 @@
 #include "app/evidence.hpp"
 #include "app/inspection_cycle.hpp"
 #include "app/inspector.hpp"
+#include "app/machine_lines.hpp"
 #include "app/plc/counters.hpp"
 #include "app/plc/plc_gate.hpp"
+#include "app/service_manager.hpp"
 #include "app/station.hpp"
 #include "config/station_config.hpp"
 #include "hal/modbus/tcp_server.hpp"
@@ -18,7 +20,8 @@
 namespace brdfgate {
 
 /// Threads: the caller's runs inspections; the Modbus server has its own; one more ticks the gate
-/// and stores counters; one draws pictures. All share the PlcGate, which locks for itself.
+/// and stores counters; one draws pictures; one waits for the trigger line. All share the PlcGate,
+/// which locks for itself.
 class Daemon {
  public:
   /// Opens everything the configuration names. Throws InputError or DeviceError (port in use).
@@ -33,7 +36,9 @@ class Daemon {
  private:
   void load_recipes();
   void choose_recipe(std::uint16_t id);
+  PlcGateSettings gate_settings();
   void announce(StationState state);
+  void watch_trigger_line();
   void keep_house(const std::stop_token& stop);
   void observe(const Inspection& part);
 
@@ -42,13 +47,17 @@ class Daemon {
   std::map<std::uint16_t, RecipeInForce> recipes_;
   const RecipeInForce* in_force_ = nullptr;
   CounterFile counter_file_;
+  std::unique_ptr<VerdictLines> verdict_lines_;
   PlcGate gate_;
   std::unique_ptr<Station> station_;
   CycleMarks marks_;
   std::unique_ptr<EvidenceWriter> evidence_;
   std::atomic<std::uint16_t> warnings_{0};
+  std::atomic<bool> trigger_lost_{false};
+  bool trigger_lost_announced_ = false;
   std::unique_ptr<InspectionCycle> cycle_;
   std::unique_ptr<TcpServer> server_;
+  std::unique_ptr<TriggerWatch> trigger_watch_;
   std::jthread housekeeper_;
 };
 

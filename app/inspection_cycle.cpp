@@ -34,6 +34,9 @@ CyclePhase InspectionCycle::step(CyclePhase phase, std::uint32_t trigger_id) {
       case CyclePhase::done:
         break;
     }
+  } catch (const LightsError& error) {
+    fault_ = {Reason::hardware, ErrorCode::lights, "lights", error.what()};
+    return CyclePhase::failed;
   } catch (const DeviceError& error) {
     fault_ = {Reason::hardware, ErrorCode::camera, "device", error.what()};
     return CyclePhase::failed;

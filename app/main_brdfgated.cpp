@@ -11,6 +11,7 @@
 #include "app/commands/commands.hpp"
 #include "app/daemon.hpp"
 #include "app/result_json.hpp"
+#include "app/service_manager.hpp"
 #include "app/session.hpp"
 
 namespace {
@@ -67,6 +68,7 @@ int serve(const DaemonOptions& options) {
   int signal = 0;
   sigwait(&signals, &signal);
   spdlog::info("stopping on signal {}", signal);
+  brdfgate::notify_stopping();
   return brdfgate::kExitYes;
 }
 

@@ -69,6 +69,7 @@ Capture capture_part(Station& station, const CameraConfig& config,
   for (LightIndex light = station.lights().count(); light >= 1; --light) {
     station.lights().on(light);
     capture_bracket(station, light, config.bracket_ms, config, capture);
+    station.lights().verify();
   }
   station.lights().all_off();
   if (acquired) acquired();

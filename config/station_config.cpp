@@ -7,6 +7,7 @@
 
 #include "config/camera_yaml.hpp"
 #include "config/judge_yaml.hpp"
+#include "config/lines_yaml.hpp"
 #include "config/sensor_yaml.hpp"
 #include "config/station_checks.hpp"
 #include "config/yaml_reader.hpp"
@@ -184,6 +185,7 @@ SimBenchSettings read_simulator(const YamlNode& node) {
     const auto m = node.numbers("camera_rgb", 9, between(-10, 10));
     sim.camera_rgb = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(m.data());
   }
+  sim.light_rise_s = node.number_or("light_rise_ms", 0, between(0, 1000)) / 1000;
   if (node.has("deviation")) sim.deviation = read_deviation(node.at("deviation"));
   node.finish();
   return sim;
@@ -292,6 +294,8 @@ void complete_simulator(StationConfig& config) {
   config.simulator.noise = config.camera.noise;
   config.simulator.geometry =
       deviated(make_geometry(config.rig, config.camera.sensor), config.simulator.deviation);
+  config.simulator.light_settle_s =
+      std::chrono::duration<double>(config.lights.gpio.settle).count();
   config.simulator.aim_W = config.simulator.deviation.aim_m;
   config.simulator.fixture_albedo = config.inspection.fixture.reflectance;
   config.simulator.patch = config.inspection.monitor;
@@ -333,6 +337,9 @@ StationConfig read_station_config(const fs::path& file) {
     }
     config.simulator = read_simulator(root.at("simulator"));
   }
+  config.lights = read_lights(root, config.camera);
+  config.trigger = read_trigger(root);
+  config.outputs = read_outputs(root);
   const YamlNode inspection = root.at("inspection");
   config.inspection = read_inspection(inspection, config.camera.sensor);
   config.judge = read_judge_settings(root.at("judge"));

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "hal/camera_settings.hpp"
+#include "hal/gpio/gpio_settings.hpp"
 #include "hal/sim/sim_station.hpp"
 #include "model/geometry.hpp"
 #include "model/monitor_patch.hpp"
@@ -59,6 +60,21 @@ struct InspectionConfig {
   ColourSource colour = ColourSource::none;
 };
 
+/// steady: a light burns for its whole bracket; pulsed: for one exposure at a time.
+enum class LightsMode { steady, pulsed };
+
+struct LightsConfig {
+  GpioLightsSettings gpio;  ///< settle and max_on hold for simulated lights too
+  LightsMode mode = LightsMode::steady;
+};
+
+struct TriggerConfig {
+  GpioTriggerSettings gpio;
+  /// The PLC's trigger_enable must be set and results be acknowledged. False: a machine without a
+  /// PLC; the line alone starts an inspection, and the next edge acknowledges the last result.
+  bool needs_enable = true;
+};
+
 struct PlcConfig {
   struct Tcp {
     bool enabled = true;
@@ -84,8 +100,11 @@ struct StationConfig {
   NominalRig rig;
   /// Simulated only; sensor, noise, geometry and fixture are filled from the above. Optional as a
   /// whole. full_well_e (0, 1e7), dark_current_e_s 0..1e6, line time (0, 1000) us, vignetting
-  /// 0..0.9, led_radius 0..100 mm, white_exposure (0, 60000) ms.
+  /// 0..0.9, led_radius 0..100 mm, white_exposure (0, 60000) ms; light_rise 0..1000 ms, optional.
   SimBenchSettings simulator;
+  LightsConfig lights;                   ///< optional with a simulated camera
+  std::optional<TriggerConfig> trigger;  ///< a line of the machine beside the PLC's trigger bit
+  std::optional<GpioOutputsSettings> outputs;
   InspectionConfig inspection;
   JudgeSettings judge;  ///< ranges: config/station.yaml
   PlcConfig plc;

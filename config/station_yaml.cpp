@@ -4,6 +4,7 @@
 
 #include "config/camera_yaml.hpp"
 #include "config/judge_yaml.hpp"
+#include "config/lines_yaml.hpp"
 #include "config/sensor_yaml.hpp"
 #include "config/station_config.hpp"
 #include "config/yaml_reader.hpp"
@@ -136,6 +137,7 @@ void put_simulator(Emitter& out, const SimBenchSettings& sim) {
     const Eigen::Matrix<double, 3, 3, Eigen::RowMajor> m = sim.camera_rgb;
     put_list(out, "camera_rgb", m.reshaped<Eigen::RowMajor>(), number_text);
   }
+  put(out, "light_rise_ms", converted(sim.light_rise_s * 1000));
   if (!(sim.deviation == SimDeviation{})) {
     put_map(out, "deviation", [&] { put_deviation(out, sim.deviation); });
   }
@@ -207,6 +209,7 @@ std::string to_yaml(const StationConfig& config) {
   if (config.camera.backend == CameraBackend::simulated) {
     put_map(out, "simulator", [&] { put_simulator(out, config.simulator); });
   }
+  put_lines(out, config);
   put_map(out, "inspection", [&] { put_inspection(out, config.inspection); });
   put_map(out, "judge", [&] { put_judge(out, config.judge); });
   put_map(out, "plc", [&] { put_plc(out, config.plc); });

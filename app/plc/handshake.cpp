@@ -1,12 +1,9 @@
 #include "app/plc/handshake.hpp"
 
-#include "app/plc/plc_bits.hpp"
-
 namespace brdfgate {
 
 bool Handshake::can_accept() const {
-  return station_ready_ && !busy_ && level(command_bit::kTriggerEnable) &&
-         !level(command_bit::kResultAck) && !trigger_ack_;
+  return station_ready_ && !busy_ && enabled() && !level(command_bit::kResultAck) && !trigger_ack_;
 }
 
 bool Handshake::ready() const {
@@ -76,6 +73,7 @@ void Handshake::complete(Verdict verdict, TimePoint now) {
   result_valid_ = true;
   verdict_ = verdict == Verdict::none ? Verdict::not_judged : verdict;
   completed_ = now;
+  if (without_plc_ && external_) trigger_ack_ = false;
 }
 
 void Handshake::withdraw_pass() {
@@ -83,7 +81,8 @@ void Handshake::withdraw_pass() {
 }
 
 bool Handshake::tick(TimePoint now) {
-  const bool open = result_valid_ || trigger_ack_;
+  const bool stands = without_plc_ && external_;
+  const bool open = (result_valid_ && !stands) || trigger_ack_;
   if (busy_ || !open || now - completed_ < release_after_) return false;
   result_valid_ = trigger_ack_ = false;
   verdict_ = Verdict::none;

@@ -18,6 +18,7 @@
 #include <cstdint>
 #include <optional>
 
+#include "app/plc/plc_bits.hpp"
 #include "model/verdict.hpp"
 
 namespace brdfgate {
@@ -36,7 +37,10 @@ class Handshake {
   };
 
   /// @param release_after  how long result_valid or trigger_ack may stand after a result
-  explicit Handshake(std::chrono::nanoseconds release_after) : release_after_(release_after) {}
+  /// @param without_plc  there is nobody to enable triggers and to acknowledge: the hardware line
+  ///     alone starts an inspection, its result stands until the next one
+  explicit Handshake(std::chrono::nanoseconds release_after, bool without_plc = false)
+      : release_after_(release_after), without_plc_(without_plc) {}
 
   /// Whether the station is in state 4 (ready) but for this handshake.
   void set_station_ready(bool ready) { station_ready_ = ready; }
@@ -60,6 +64,7 @@ class Handshake {
 
  private:
   bool level(std::uint16_t bit) const { return (command_ & bit) != 0; }
+  bool enabled() const { return without_plc_ || level(command_bit::kTriggerEnable); }
   bool can_accept() const;
   bool ready() const;
   void accept(std::uint32_t trigger_id, bool external, Edges& edges);
@@ -67,6 +72,7 @@ class Handshake {
   void settle();
 
   std::chrono::nanoseconds release_after_;
+  bool without_plc_;
   std::uint16_t command_ = 0;
   bool station_ready_ = false;
   bool busy_ = false;

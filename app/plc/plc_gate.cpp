@@ -35,7 +35,7 @@ std::uint16_t hex_word(const std::string& hash, std::size_t index) {
 PlcGate::PlcGate(const RegisterMap& map, PlcGateSettings settings, const Counters& counters)
     : settings_(std::move(settings)),
       image_(map, settings_.word_order),
-      handshake_(settings_.handshake_timeout),
+      handshake_(settings_.handshake_timeout, settings_.without_plc),
       counters_(counters),
       started_(settings_.clock()),
       next_beat_(started_ + kBeat) {
@@ -82,6 +82,7 @@ void PlcGate::wake() {
 bool PlcGate::external_trigger() {
   const std::lock_guard lock(mutex_);
   const Handshake::Edges edges = handshake_.external_trigger(image_.get("control.trigger_id"));
+  if (settings_.without_plc && edges.accepted) clear_error(settings_.clock());
   follow(edges, settings_.clock());
   return edges.accepted.has_value();
 }
@@ -268,6 +269,17 @@ void PlcGate::refresh() {
   image_.put("station.components", station_.components);
   image_.put("station.channels", station_.channels);
   refresh_counters();
+  if (settings_.show) settings_.show(outputs());
+}
+
+GpioOutputState PlcGate::outputs() const {
+  const std::uint16_t bits = handshake_.status();
+  const bool pass = (bits & status_bit::kPass) != 0;
+  GpioOutputState state;
+  state.pass = pass && !faulty();
+  state.reject = ((bits & status_bit::kResultValid) != 0 && !pass) || faulty();
+  state.busy = (bits & status_bit::kReady) == 0;
+  return state;
 }
 
 void PlcGate::refresh_counters() {

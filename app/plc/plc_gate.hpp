@@ -24,6 +24,7 @@
 #include "app/plc/plc_bits.hpp"
 #include "app/plc/register_image.hpp"
 #include "app/plc/result_blocks.hpp"
+#include "hal/gpio/gpio_settings.hpp"
 #include "hal/modbus/register_space.hpp"
 #include "model/verdict.hpp"
 
@@ -34,6 +35,8 @@ using SteadyTime = std::chrono::steady_clock::time_point;
 struct PlcGateSettings {
   WordOrder word_order = WordOrder::abcd;
   std::chrono::milliseconds handshake_timeout{10000};
+  /// Nobody enables, acknowledges or clears errors: the hardware line does, with every part.
+  bool without_plc = false;
   std::chrono::milliseconds plc_heartbeat_timeout{0};  ///< 0: not watched
   /// An owner of the control block that asks nothing for so long has fallen silent.
   std::chrono::milliseconds owner_silence{10000};
@@ -42,6 +45,9 @@ struct PlcGateSettings {
   std::function<SteadyTime()> clock = [] { return std::chrono::steady_clock::now(); };
   /// Told of refused connections, on a server's thread and without the lock held. May be empty.
   std::function<void(const std::string&)> note;
+  /// Told what the machine's lines have to say whenever something may have changed, and with every
+  /// tick; with the lock held, so it must neither wait nor call back. May be empty.
+  std::function<void(const GpioOutputState&)> show;
 };
 
 /// What the daemon knows of its station. `state` is 0 to 4; the gate makes 5 of 4 while it is busy.
@@ -172,6 +178,7 @@ class PlcGate : public RegisterSpace, public ServerObserver {
   void refresh();
   void refresh_counters();
   std::uint16_t status_bits() const;
+  GpioOutputState outputs() const;
 
   const PlcGateSettings settings_;
   mutable std::mutex mutex_;

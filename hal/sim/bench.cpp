@@ -11,6 +11,8 @@ namespace brdfgate {
 namespace {
 
 constexpr std::uint64_t kNoiseStream = 0x6e6f697365;
+/// Share of a light's steady output that no frame tells from nothing: under a count in 16 bits.
+constexpr double kGlowsNoMore = 1e-6;
 
 void require(bool right, const std::string& field, double seen, const std::string& expected) {
   if (!right) throw InputError(field, "is " + std::to_string(seen), expected);
@@ -35,6 +37,8 @@ void check_settings(const SimBenchSettings& s) {
   require(s.vignetting >= 0 && s.vignetting < 1, "simulator.vignetting", s.vignetting,
           "at least 0, under 1");
   require(s.led_radius_m >= 0, "simulator.led_radius_mm", s.led_radius_m * 1e3, "at least 0");
+  require(s.light_rise_s >= 0, "simulator.light_rise_ms", s.light_rise_s * 1e3, "at least 0");
+  require(s.light_settle_s >= 0, "lights.settle_ms", s.light_settle_s * 1e3, "at least 0");
   require(s.white_exposure_s > 0, "simulator.white_exposure_ms", s.white_exposure_s * 1e3,
           "over 0");
   require(s.geometry.camera.focal_px > 0, "rig.camera: focal length in pixels",
@@ -74,6 +78,32 @@ bool TriggerLine::wait(std::chrono::milliseconds timeout) {
 SimBench::SimBench(const SimBenchSettings& settings)
     : settings_(settings), optics_(settings_), sensor_(settings_) {
   check_settings(settings_);
+  level_at_switch_.resize(static_cast<std::size_t>(lights()));
+}
+
+double SimBench::level_now(std::size_t light) const {
+  const double target = static_cast<LightIndex>(light) + 1 == burning_ ? 1 : 0;
+  if (settings_.light_rise_s <= 0) return target;
+  const double since_s = 1e-9 * static_cast<double>(clock_ns_ - switched_ns_);
+  return target + (level_at_switch_[light] - target) * std::exp(-since_s / settings_.light_rise_s);
+}
+
+double SimBench::mean_level(std::size_t light, double exposure_s) const {
+  const double target = static_cast<LightIndex>(light) + 1 == burning_ ? 1 : 0;
+  const double tau = settings_.light_rise_s;
+  if (tau <= 0) return target;
+  // The mean of an exponential over the exposure.
+  return target + (level_now(light) - target) * tau / exposure_s * -std::expm1(-exposure_s / tau);
+}
+
+void SimBench::switch_to(LightIndex light) {
+  if (light == burning_) return;
+  std::vector<double> levels;
+  for (std::size_t i = 0; i < level_at_switch_.size(); ++i)
+    levels.push_back(level_now(i));
+  level_at_switch_ = std::move(levels);
+  burning_ = light;
+  switched_ns_ = clock_ns_;
 }
 
 void SimBench::place(const Scene& scene, std::uint64_t seed, std::uint64_t index) {
@@ -103,12 +133,11 @@ double SimBench::frame_time_s(double asked_s) const {
 }
 
 RawFrame SimBench::expose(double asked_s, double gain) {
-  const LightIndex light = placed_->lights_on ? burning_ : kNoLight;
   RawFrame frame;
   frame.exposure_s = sensor_.applied_exposure_s(asked_s);
   frame.gain = gain;
   frame.timestamp_ns = clock_ns_;
-  frame.counts = sensor_.expose(rate_image(light),
+  frame.counts = sensor_.expose(rate_now(frame.exposure_s),
                                 {.exposure_s = frame.exposure_s,
                                  .gain = gain,
                                  .noise = placed_->noise,
@@ -116,6 +145,20 @@ RawFrame SimBench::expose(double asked_s, double gain) {
   ++placed_->frames;
   clock_ns_ += std::llround(1e9 * frame_time_s(asked_s));
   return frame;
+}
+
+cv::Mat SimBench::rate_now(double exposure_s) {
+  if (!placed_->lights_on) return rate_image(kNoLight);
+  cv::Mat total;
+  for (std::size_t i = 0; i < level_at_switch_.size(); ++i) {
+    const double level = mean_level(i, exposure_s);
+    if (level < kGlowsNoMore) continue;
+    const cv::Mat& lit = rate_image(static_cast<LightIndex>(i) + 1);
+    if (level > 1 - kGlowsNoMore) return lit;
+    if (total.empty()) total = rate_image(kNoLight).clone();
+    cv::scaleAdd(lit - rate_image(kNoLight), level, total, total);
+  }
+  return total.empty() ? rate_image(kNoLight) : total;
 }
 
 const cv::Mat& SimBench::rate_image(LightIndex light) {

@@ -45,13 +45,14 @@ class SimBench {
   const SimBenchSettings& settings() const { return settings_; }
   int lights() const { return static_cast<int>(settings_.geometry.lights_W.size()); }
   /// One light by number, or kNoLight. Precondition: it exists.
-  void switch_to(LightIndex light) { burning_ = light; }
+  void switch_to(LightIndex light);
+  std::int64_t switched_at_ns() const { return switched_ns_; }
 
   /// Lets time pass on the bench's clock up to `ns`; nothing when that is past.
   void advance_to(std::int64_t ns) { clock_ns_ = std::max(clock_ns_, ns); }
   /// Time on the bench's clock that a frame of this exposure takes, readout included.
   double frame_time_s(double asked_s) const;
-  /// Exposes whatever burns now and moves the clock on. Precondition: occupied.
+  /// Exposes whatever glows now and moves the clock on. Precondition: occupied.
   RawFrame expose(double asked_s, double gain);
 
   TriggerLine trigger_line;
@@ -71,6 +72,12 @@ class SimBench {
     std::vector<cv::Mat> rate_e_s{};  ///< by light, [0] ambient alone; empty until needed
   };
 
+  /// A light's output over its steady one, when it was last switched and in the mean over an
+  /// exposure that starts now.
+  double level_now(std::size_t light) const;
+  double mean_level(std::size_t light, double exposure_s) const;
+  /// Electrons per second under all that glows during an exposure that starts now.
+  cv::Mat rate_now(double exposure_s);
   const cv::Mat& rate_image(LightIndex light);
   cv::Mat render(LightIndex light);
 
@@ -79,6 +86,8 @@ class SimBench {
   SimSensor sensor_;
   std::unique_ptr<Placed> placed_;
   LightIndex burning_ = kNoLight;
+  std::vector<double> level_at_switch_;  ///< by light, [0] is light 1
+  std::int64_t switched_ns_ = 0;
   std::int64_t clock_ns_ = 0;
 };
 

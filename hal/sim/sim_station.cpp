@@ -70,7 +70,7 @@ class SimLights final : public Lights {
 
   void on(LightIndex light) override {
     if (light < 1 || light > count()) {
-      throw DeviceError(
+      throw LightsError(
           kLightsName, "on",
           "there is no light " + std::to_string(light) + ", only 1 to " + std::to_string(count()));
     }
@@ -78,6 +78,13 @@ class SimLights final : public Lights {
   }
 
   void all_off() noexcept override { bench_.switch_to(kNoLight); }
+
+  void verify() override {}
+
+  std::int64_t switched_at_ns() const override { return bench_.switched_at_ns(); }
+  std::int64_t settled_at_ns() const override {
+    return switched_at_ns() + std::llround(1e9 * bench_.settings().light_settle_s);
+  }
 
  private:
   SimBench& bench_;

@@ -41,6 +41,8 @@ struct SimBenchSettings {
   StationGeometry geometry;              ///< true positions
   std::vector<Eigen::Vector3d> aim_W{};  ///< where each light points; empty: the origin
   double led_radius_m = 0.0005;          ///< emitter's disc
+  double light_rise_s = 0;               ///< time constant of the lights' rise and fall; 0: at once
+  double light_settle_s = 0;             ///< from switching until frames may count
   double white_exposure_s =
       0.008;  ///< a 0.99 Lambertian at the centre reaches half of full well in this
   Rgb fixture_albedo{0.01, 0.25, 0.40};
@@ -54,7 +56,7 @@ struct SimBenchSettings {
 /// Bench, camera and lights. A light that was not switched on leaves the frame dark. Deterministic:
 /// part n of seed s is the same part with the same noise on every run. Rendering happens once per
 /// part and light; a frame adds exposure, noise, quantisation and saturation. No real time passes:
-/// timestamps run on the bench's own clock.
+/// timestamps run on the bench's own clock. A light's output follows its switch exponentially.
 class SimStation {
  public:
   explicit SimStation(const SimBenchSettings& settings);

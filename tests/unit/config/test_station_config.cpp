@@ -114,6 +114,8 @@ TEST_CASE("Every rule of the station file complains at its place with its path")
       {"- {theta_deg: 20, phi_deg: 0,", "- {theta_deg: 50, phi_deg: 180,", "{theta_deg: 50, phi",
        "rig.lights[1]", "the diffuse light"},
       {"full_well_e: 10000", "full_well_e: 0", "0\n", "simulator.full_well_e", "above 0"},
+      {"white_exposure_ms: 8", "white_exposure_ms: 8\n  light_rise_ms: -1", "-1\n",
+       "simulator.light_rise_ms", "0..1000"},
       {"vignetting: 0.15", "vignetting: 1", "1\n", "simulator.vignetting", "0..0.9"},
       {"region_mm: [90, 90]", "region_mm: [90]", "[90]", "inspection.region_mm", "1 values"},
       {"region_mm: [90, 90]", "region_mm: [90, 290]", "[90, 290]", "inspection.region_mm",

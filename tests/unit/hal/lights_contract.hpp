@@ -45,9 +45,35 @@ inline void check_lights_contract(const std::function<LightsUnderTest()>& make) 
   }
   SECTION("a light that does not exist is an error and lights nothing") {
     for (const LightIndex light : {-1, 0, lights.count() + 1}) {
-      CHECK_THROWS_AS(lights.on(light), DeviceError);
+      CHECK_THROWS_AS(lights.on(light), LightsError);
       CHECK(burning() == kNoLight);
     }
+  }
+  SECTION("only a change moves the time from which frames count, by the settle time") {
+    const std::int64_t settle_ns = lights.settled_at_ns() - lights.switched_at_ns();
+    CHECK(settle_ns >= 0);
+    lights.on(1);
+    static_cast<void>(burning());
+    lights.on(2);
+    const std::int64_t second = lights.switched_at_ns();
+    static_cast<void>(burning());
+    lights.on(2);
+    CHECK(lights.switched_at_ns() == second);
+    CHECK(lights.settled_at_ns() == second + settle_ns);
+    lights.all_off();
+    const std::int64_t off = lights.switched_at_ns();
+    CHECK(off > second);
+    static_cast<void>(burning());
+    lights.all_off();
+    CHECK(lights.switched_at_ns() == off);
+    CHECK(lights.settled_at_ns() == off + settle_ns);
+  }
+  SECTION("what was switched stands") {
+    CHECK_NOTHROW(lights.verify());
+    lights.on(1);
+    CHECK_NOTHROW(lights.verify());
+    lights.all_off();
+    CHECK_NOTHROW(lights.verify());
   }
   SECTION("a scope guard leaves the dark, also by an exception") {
     const auto fail = [&] {

@@ -169,6 +169,44 @@ TEST_CASE("other parts, other seeds and later frames differ") {
   CHECK_FALSE(same(base, take(station, 1)));
 }
 
+TEST_CASE("a light follows its switch exponentially, and the one before fades") {
+  SimBenchSettings s = precise_bench();
+  s.light_rise_s = 0.002;
+  s.light_settle_s = 0.02;
+  SimStation station(s);
+  Scene scene = scene_of(SceneTarget::white);
+  scene.light.drift = {0, 0.5};
+  station.place(scene, 1, 0);
+  const double exposure = 0.001;
+  const double steady = 5000 * exposure / kWhiteExposureS;
+  // The mean of 1 - exp(-t / tau) over an exposure that starts at `t0`.
+  const auto risen = [&](double t0) {
+    const double tau = s.light_rise_s;
+    return 1 - tau / exposure * (std::exp(-t0 / tau) - std::exp(-(t0 + exposure) / tau));
+  };
+  const auto shoot = [&] {
+    station.camera().arm({{.exposure_s = exposure}});
+    return station.camera().next_frame(std::chrono::seconds(1));
+  };
+  const auto after_s = [&](const RawFrame& frame) {
+    return 1e-9 * static_cast<double>(frame.timestamp_ns - station.lights().switched_at_ns());
+  };
+  station.lights().on(1);
+  CHECK(station.lights().settled_at_ns() - station.lights().switched_at_ns() == 20'000'000);
+  RawFrame frame = shoot();
+  while (frame.timestamp_ns < station.lights().settled_at_ns()) {
+    CHECK(electrons(frame, 24, 32) == Approx(steady * risen(after_s(frame))).margin(0.15));
+    frame = shoot();
+  }
+  CHECK(electrons(frame, 24, 32) == Approx(steady).margin(0.15));
+  station.lights().on(2);
+  for (int i = 0; i < 4; ++i) {
+    frame = shoot();
+    const double share = risen(after_s(frame));
+    CHECK(electrons(frame, 24, 32) == Approx(steady * (1.5 * share + 1 - share)).margin(0.2));
+  }
+}
+
 TEST_CASE("photon transfer of two white frames gives the bench's gain") {
   SimStation station(precise_bench(256, 192));
   Scene scene = scene_of(SceneTarget::white);
@@ -217,6 +255,14 @@ TEST_CASE("settings that are not physical are refused by name") {
   SECTION("line time") {
     s.line_time_s = 0;
     CHECK(contains(refusal(s), "simulator.line_time_us"));
+  }
+  SECTION("rise of the lights") {
+    s.light_rise_s = -1;
+    CHECK(contains(refusal(s), "simulator.light_rise_ms"));
+  }
+  SECTION("settling of the lights") {
+    s.light_settle_s = -1;
+    CHECK(contains(refusal(s), "lights.settle_ms"));
   }
   SECTION("white exposure") {
     s.white_exposure_s = std::nan("");

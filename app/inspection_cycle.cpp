@@ -59,6 +59,9 @@ CyclePhase InspectionCycle::acquire(std::uint32_t trigger_id) {
 
 CyclePhase InspectionCycle::process() {
   inspection_ = inspector_.inspect(capture_, recipe_);
+  for (const Finding& finding : inspection_.result.findings) {
+    if (finding.reason == Reason::hardware) throw LightsError("lights", "frames", finding.text);
+  }
   ++marks_.judging;
   return CyclePhase::publishing;
 }

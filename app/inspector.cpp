@@ -11,6 +11,7 @@
 #include "model/error.hpp"
 #include "model/judge.hpp"
 #include "model/lamp_monitor.hpp"
+#include "model/light_health.hpp"
 #include "model/mapping.hpp"
 #include "model/reconstruction.hpp"
 
@@ -138,6 +139,7 @@ Inspector::Inspector(const StationConfig& config, std::shared_ptr<const Basis> b
   geometry_ = in_part_frame(calibration_.geometry, {.height_m = settings_.part_height_mm * 1e-3});
   map_.cells = cell_geometry(geometry_, calibration_.sensor, region);
   map_.bins = make_bin_map(map_.cells);
+  white_levels_ = white_levels(calibration_);
   estimator_ = make_estimator({settings_.method, settings_.eta}, basis_);
   if (settings_.monitor) {
     patch_ = patch_cells(calibration_.geometry, calibration_.sensor, *settings_.monitor);
@@ -382,7 +384,19 @@ void Inspector::judge(Inspection& part, const RecipeInForce* recipe) const {
   part.result.worst_cluster = judgement.worst_cluster;
 }
 
+std::string Inspector::light_fault(const Capture& capture) const {
+  const Capture seen = with_measured_black(capture, calibration_.sensor);
+  return brdfgate::light_fault(see_lights(seen, calibration_.sensor.black_level_dn, white_levels_));
+}
+
 Inspection Inspector::inspect(const Capture& capture, const RecipeInForce* recipe) const {
+  if (const std::string fault = light_fault(capture); !fault.empty()) {
+    Inspection blind;
+    blind.result.verdict = Verdict::not_judged;
+    blind.result.reason_bits = bit(Reason::hardware);
+    blind.result.findings = {{Reason::hardware, fault}};
+    return blind;
+  }
   Inspection part = measure(capture, recipe);
   judge(part, recipe);
   return part;

@@ -55,7 +55,10 @@ class Inspector {
   /// for lack of one, and weights and readings stay valid.
   void judge(Inspection& part, const RecipeInForce* recipe) const;
 
-  /// Both.
+  /// What is wrong with the lights, told from the frames; empty: they work.
+  std::string light_fault(const Capture& capture) const;
+
+  /// Both. Where a light does not work nothing is measured: "not judged", reason hardware.
   Inspection inspect(const Capture& capture, const RecipeInForce* recipe) const;
 
   const Basis& basis() const { return *basis_; }
@@ -97,6 +100,7 @@ class Inspector {
   StationGeometry geometry_;  ///< in the frame of a part of the configured height
   StationMap map_;
   std::vector<cv::Point> patch_;  ///< cells of the monitor patch, where there is one
+  std::vector<double> white_levels_;
   std::shared_ptr<const Estimator> estimator_;
 };
 

@@ -2,7 +2,9 @@
 
 #include <set>
 
+#include "app/open_camera.hpp"
 #include "config/scene_reader.hpp"
+#include "hal/gpio/gpio_lights.hpp"
 #include "hal/sim/sim_station.hpp"
 #include "model/error.hpp"
 
@@ -12,7 +14,10 @@ namespace {
 class SimulatedBench final : public Station {
  public:
   explicit SimulatedBench(const StationConfig& config)
-      : scenes_(config.camera.scenes), seed_(config.camera.seed), bench_(config.simulator) {}
+      : Station(config.lights.mode),
+        scenes_(config.camera.scenes),
+        seed_(config.camera.seed),
+        bench_(config.simulator) {}
 
   Camera& camera() override { return bench_.camera(); }
   Lights& lights() override { return bench_.lights(); }
@@ -32,18 +37,60 @@ class SimulatedBench final : public Station {
   std::size_t turn_ = 0;
 };
 
+class HardwareStation final : public Station {
+ public:
+  explicit HardwareStation(const StationConfig& config)
+      : Station(config.lights.mode),
+        lights_(config.lights.gpio),
+        camera_(open_camera(config.camera)) {}
+
+  Camera& camera() override { return *camera_; }
+  Lights& lights() override { return lights_; }
+  bool simulated() const override { return false; }
+
+  void next_part(std::uint32_t /*trigger_id*/) override {
+    lights_.verify();
+    camera_->probe();
+  }
+
+ private:
+  GpioLights lights_;
+  std::unique_ptr<Camera> camera_;
+};
+
+/// Light 1 and light 2; a ring of more has other uses.
+constexpr LightIndex kMeasuringLights = 2;
+
 void capture_bracket(Station& station, LightIndex light, const std::vector<double>& exposures_ms,
                      const CameraConfig& config, Capture& into) {
   std::vector<ExposureRequest> bracket;
   bracket.reserve(exposures_ms.size());
   for (const double ms : exposures_ms)
     bracket.push_back({ms * 1e-3, config.gain});
-  station.camera().arm(bracket);
+  station.camera().arm(bracket, station.lights().settled_at_ns());
   const std::chrono::milliseconds timeout(static_cast<long>(config.frame_timeout_ms));
   for (std::size_t i = 0; i < bracket.size(); ++i) {
     RawFrame frame = station.camera().next_frame(timeout);
     frame.light = light;
     into.frames.push_back(std::move(frame));
+  }
+}
+
+void capture_lit(Station& station, LightIndex light, const std::vector<double>& exposures_ms,
+                 const CameraConfig& config, Capture& into) {
+  station.lights().on(light);
+  capture_bracket(station, light, exposures_ms, config, into);
+  station.lights().verify();
+}
+
+void capture_light(Station& station, LightIndex light, const CameraConfig& config, Capture& into) {
+  if (station.lights_mode() == LightsMode::steady) {
+    capture_lit(station, light, config.bracket_ms, config, into);
+    return;
+  }
+  for (const double ms : config.bracket_ms) {
+    capture_lit(station, light, {ms}, config, into);
+    station.lights().all_off();
   }
 }
 
@@ -55,9 +102,9 @@ std::unique_ptr<Station> open_station(const StationConfig& config) {
       return std::make_unique<SimulatedBench>(config);
     case CameraBackend::v4l2:
     case CameraBackend::libcamera:
-      break;
+      return std::make_unique<HardwareStation>(config);
   }
-  throw InputError("camera.backend", "a real camera needs real lights", "simulated");
+  throw InputError("camera.backend", "unknown backend", "simulated, v4l2 or libcamera");
 }
 
 Capture capture_part(Station& station, const CameraConfig& config,
@@ -66,11 +113,8 @@ Capture capture_part(Station& station, const CameraConfig& config,
   station.lights().all_off();
   Capture capture{station.camera().format(), {}};
   capture_bracket(station, kNoLight, config.ambient_ms, config, capture);
-  for (LightIndex light = station.lights().count(); light >= 1; --light) {
-    station.lights().on(light);
-    capture_bracket(station, light, config.bracket_ms, config, capture);
-    station.lights().verify();
-  }
+  for (LightIndex light = kMeasuringLights; light >= 1; --light)
+    capture_light(station, light, config, capture);
   station.lights().all_off();
   if (acquired) acquired();
   return capture;

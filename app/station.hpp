@@ -15,25 +15,32 @@ namespace brdfgate {
 /// someone has to put it there first.
 class Station {
  public:
-  Station() = default;
+  explicit Station(LightsMode mode) : lights_mode_(mode) {}
   Station(const Station&) = delete;
   Station& operator=(const Station&) = delete;
   virtual ~Station() = default;
 
   virtual Camera& camera() = 0;
   virtual Lights& lights() = 0;
+  LightsMode lights_mode() const { return lights_mode_; }
   virtual bool simulated() const = 0;
-  /// Called before every capture. Simulated: reads the scene anew and places the next part of it:
-  /// scene number `trigger_id` for 1..n, for any other id the scenes in turn. Throws InputError for
-  /// an unusable scene file.
+  /// Called before every capture. Throws DeviceError when camera or lights cannot be used now; what
+  /// was away and is back is taken into use again. Simulated: reads the scene anew and places the
+  /// next part of it: scene number `trigger_id` for 1..n, for any other id the scenes in turn.
+  /// Throws InputError for an unusable scene file.
   virtual void next_part(std::uint32_t trigger_id) = 0;
+
+ private:
+  LightsMode lights_mode_;
 };
 
-/// Throws InputError or DeviceError when a device cannot be had.
+/// Real devices that are away are no error yet: next_part() tells. Throws InputError for a backend
+/// that these programs were built without.
 std::unique_ptr<Station> open_station(const StationConfig& config);
 
-/// The bracket under each light and the exposures without light, lights off before and after,
-/// whatever happens. `acquired` is called when the last frame is in. Throws DeviceError.
+/// The bracket under each of the two measuring lights and the exposures without light, lights off
+/// before and after, whatever happens. A frame counts only if its exposure began once what it is
+/// taken under had settled. `acquired` is called when the last frame is in. Throws DeviceError.
 Capture capture_part(Station& station, const CameraConfig& config,
                      const std::function<void()>& acquired = {});
 

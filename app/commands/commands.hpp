@@ -15,6 +15,7 @@ void add_inspect(CLI::App& tool, int& exit_code);
 void add_reconstruct(CLI::App& tool, int& exit_code);
 void add_basis(CLI::App& tool, int& exit_code);
 void add_design(CLI::App& tool, int& exit_code);
+void add_lights(CLI::App& tool, int& exit_code);
 void add_compare(CLI::App& tool, int& exit_code);
 void add_study(CLI::App& tool, int& exit_code);
 void add_plc(CLI::App& tool, int& exit_code);
@@ -23,7 +24,7 @@ void add_plc(CLI::App& tool, int& exit_code);
 inline void add_all_commands(CLI::App& tool, int& exit_code) {
   for (const auto add :
        {add_check, add_simulate, add_capture, add_calibrate, add_teach, add_inspect,
-        add_reconstruct, add_basis, add_design, add_compare, add_study, add_plc}) {
+        add_reconstruct, add_basis, add_design, add_lights, add_compare, add_study, add_plc}) {
     add(tool, exit_code);
   }
 }

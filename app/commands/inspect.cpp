@@ -87,7 +87,8 @@ nlohmann::json process(const InspectOptions& options, const Inspector& inspector
   } else {
     json = part_to_json(recording.name, part.result, times);
   }
-  if (!options.evidence_dir.empty()) {
+  // A part whose lights did not work has nothing to show.
+  if (!options.evidence_dir.empty() && !part.reflectance.empty()) {
     write_pictures(folder_for(options.evidence_dir, recording.name, several),
                    draw(part, inspector));
   }

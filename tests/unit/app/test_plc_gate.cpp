@@ -1,5 +1,6 @@
 #include <array>
 #include <atomic>
+#include <optional>
 #include <thread>
 
 #include "app/plc/plc_gate.hpp"
@@ -287,6 +288,62 @@ TEST_CASE("The hardware line carries the last written trigger_id") {
   CHECK(bench.gate.external_trigger());
   CHECK(bench.get("result.trigger_id") == 0x00010002);
   CHECK(std::get<TriggerAccepted>(bench.take()).trigger_id == 0x00010002);
+}
+
+TEST_CASE(
+    "Without a PLC the line alone starts an inspection, and its result stands until the next") {
+  PlcGateSettings settings;
+  settings.without_plc = true;
+  Bench bench(settings);
+  CHECK(bench.status(status_bit::kReady));
+  REQUIRE(bench.gate.external_trigger());
+  CHECK_FALSE(bench.gate.external_trigger());  // busy: missed, not queued
+  CHECK(bench.get("counters.missed_triggers") == 1);
+  bench.take();
+  REQUIRE(bench.gate.publish(scripted_part(Verdict::pass)));
+  CHECK(bench.status(status_bit::kPass));
+  CHECK(bench.status(status_bit::kReady));
+  bench.now += std::chrono::hours(1);
+  CHECK_FALSE(bench.gate.tick(bench.now, {}).handshake_released);
+  CHECK(bench.status(status_bit::kPass));
+  REQUIRE(bench.gate.external_trigger());
+  CHECK_FALSE(bench.status(status_bit::kPass));
+  bench.take();
+  bench.gate.abort(bit(Reason::hardware), ResultState::failed, ErrorCode::lights);
+  CHECK(bench.get("station.error_code") == 11);
+  // Nobody else clears it.
+  REQUIRE(bench.gate.external_trigger());
+  CHECK(bench.get("station.error_code") == 0);
+}
+
+TEST_CASE("The machine's lines say pass only of a pass, and the safe thing of everything else") {
+  std::optional<GpioOutputState> shown;
+  PlcGateSettings settings;
+  settings.show = [&](const GpioOutputState& state) { shown = state; };
+  Bench bench(settings);
+  using S = GpioOutputState;
+  CHECK(shown == S{.pass = false, .reject = false, .busy = true});  // not enabled
+  bench.command(kTriggerEnable);
+  CHECK(shown == S{.pass = false, .reject = false, .busy = false});
+  const auto judge = [&](Verdict verdict) {
+    bench.trigger(1);
+    CHECK(shown == S{.pass = false, .reject = false, .busy = true});
+    bench.take();
+    bench.gate.publish(scripted_part(verdict));
+    const S result = *shown;
+    bench.acknowledge();
+    return result;
+  };
+  CHECK(judge(Verdict::pass) == S{.pass = true, .reject = false, .busy = true});
+  CHECK(shown == S{.pass = false, .reject = false, .busy = false});
+  CHECK(judge(Verdict::reject) == S{.pass = false, .reject = true, .busy = true});
+  CHECK(judge(Verdict::not_judged) == S{.pass = false, .reject = true, .busy = true});
+  bench.trigger(2);
+  bench.take();
+  bench.gate.publish(scripted_part(Verdict::pass));
+  bench.station.state = StationState::error;
+  bench.gate.set_station(bench.station);
+  CHECK(shown == S{.pass = false, .reject = true, .busy = true});
 }
 
 TEST_CASE("recipe_select: an unknown number is exception 03, while busy 06, nothing applied") {

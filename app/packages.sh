@@ -5,4 +5,7 @@ BUILD_PACKAGES=(build-essential cmake ninja-build ccache pkg-config
   libspdlog-dev nlohmann-json3-dev libssl-dev catch2
   gnuplot-nox)  # drawn with, not linked to: --picture
 TEST_PACKAGES=(python3 python3-pymodbus python3-serial-asyncio python3-numpy mbpoll socat)
+# The kernel lab (tests/kernel/run.sh): a guest and the modules it tests with.
+KERNEL_LAB_PACKAGES=(mmdebstrap debian-archive-keyring qemu-system-x86 qemu-utils busybox-static cpio xz-utils e2fsprogs kmod
+  linux-headers-amd64 binutils)
 LINT_PACKAGES=(clang-format-19 clang-tidy-19)

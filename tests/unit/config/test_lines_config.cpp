@@ -27,6 +27,30 @@ outputs:
   reject: {line: GPIO6, active_low: true}
 )";
 
+/// A station with a real camera, whose lights are real too.
+std::string real_station(const std::string& lights) {
+  std::string text = kStationText;
+  const auto cut = [&text](const std::string& from, const std::string& to) {
+    const auto begin = text.find(from);
+    text.erase(begin, text.find(to, begin) - begin);
+  };
+  cut("simulator:\n", "inspection:\n");
+  cut("  scenes:", "\nrig:");
+  return replaced(text, "  backend: simulated\n",
+                  "  backend: libcamera\n  device: {pixel_format: SRGGB10}\n") +
+         lights;
+}
+
+constexpr const char* kLights = R"(
+lights:
+  chip: pinctrl-bcm2711
+  lines: [GPIO23, 24]
+  ring: [GPIO5, GPIO6]
+  active_low: true
+  settle_ms: 2
+  max_on_ms: 3000
+)";
+
 StationConfig read_text(const TempDir& dir, const std::string& text) {
   return read_station_config(dir.write("station.yaml", text));
 }
@@ -63,6 +87,43 @@ TEST_CASE("Without the sections there is no line, and the lights settle at once"
   CHECK(config.lights.mode == LightsMode::steady);
   CHECK_FALSE(config.trigger);
   CHECK_FALSE(config.outputs);
+}
+
+TEST_CASE("Lights on GPIO lines are read, and survive their own print") {
+  const TempDir dir;
+  const StationConfig config = read_text(dir, real_station(kLights));
+  CHECK(config.lights.gpio.chip == "pinctrl-bcm2711");
+  CHECK(config.lights.gpio.lines == std::vector<std::string>{"GPIO23", "24", "GPIO5", "GPIO6"});
+  CHECK(config.lights.gpio.active_low);
+  CHECK(config.lights.gpio.settle == 2ms);
+  CHECK(config.lights.gpio.max_on == 3000ms);
+  CHECK(config.lights.mode == LightsMode::steady);
+  CHECK(to_yaml(read_text(dir, to_yaml(config))) == to_yaml(config));
+}
+
+TEST_CASE("Every rule of lights on GPIO lines complains at its place with its path") {
+  struct Bad {
+    std::string from, to, path, what;
+  };
+  const auto bad = GENERATE(values<Bad>({
+      {"  chip: pinctrl-bcm2711\n", "", "lights.chip", "missing"},
+      {"chip: pinctrl-bcm2711", "chip: ''", "lights.chip", "a path, name or label"},
+      {"[GPIO23, 24]", "[GPIO23]", "lights.lines", "1 lines; expected 2"},
+      {"[GPIO23, 24]", "[GPIO23, GPIO23]", "lights.lines[1]", "a second time"},
+      {"[GPIO23, 24]", "[GPIO23, '']", "lights.lines[1]", "a line's name"},
+      {"[GPIO5, GPIO6]", "[GPIO5, GPIO23]", "lights.ring[1]", "a second time"},
+      {"[GPIO5, GPIO6]", "[1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17]",
+       "lights.ring", "at most 16"},
+      {"active_low: true", "active_low: low", "lights.active_low", "true or false"},
+  }));
+  const TempDir dir;
+  const std::string message = input_error(
+      [&] { return read_text(dir, real_station(replaced(kLights, bad.from, bad.to))); });
+  CAPTURE(bad.to, message);
+  CHECK(contains(message, "(" + bad.path + "): "));
+  CHECK(contains(message, bad.what));
+  CHECK(
+      contains(input_error([&] { return read_text(dir, real_station("")); }), "(lights): missing"));
 }
 
 TEST_CASE("Every rule of the lines complains at its place with its path") {

@@ -2,14 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <opencv2/core.hpp>
 
 namespace brdfgate {
 namespace {
 
 /// Frames after each switching, and switchings, each a part of a frame later than the last.
-constexpr int kFrames = 12;
+constexpr int kFrames = 32;
 constexpr int kSwitchings = 5;
+constexpr double kNever = std::numeric_limits<double>::infinity();
 /// Under it a light is not told from noise, DN in the frame's mean.
 constexpr double kLeastContrastDn = 0.5;
 constexpr double kMostClipped = 0.05;
@@ -96,9 +98,9 @@ LightCurve measure_light_curve(Station& station, const CameraConfig& config, Lig
   std::sort(curve.points.begin(), curve.points.end(),
             [](const auto& a, const auto& b) { return a.after_s < b.after_s; });
   curve.settled_s = curve.points.front().after_s;
-  for (std::size_t i = 0; i + 1 < curve.points.size(); ++i) {
-    if (std::abs(curve.points[i].level - 1) > kSettled)
-      curve.settled_s = curve.points[i + 1].after_s;
+  for (std::size_t i = 0; i < curve.points.size(); ++i) {
+    if (std::abs(curve.points[i].level - 1) <= kSettled) continue;
+    curve.settled_s = i + 1 < curve.points.size() ? curve.points[i + 1].after_s : kNever;
   }
   return curve;
 }

@@ -20,8 +20,8 @@ struct LightCurve {
   bool seen = false;       ///< the light changes anything at all
   std::vector<LightCurvePoint> points;  ///< by rising time
   /// From here on every frame keeps within kSettled of the steady level; the first frame's time
-  /// where they all do. How finely it tells depends on the camera's frame rate: the switching is
-  /// repeated at other instants of a frame.
+  /// where they all do, infinite where the last one does not. How finely it tells depends on the
+  /// camera's frame rate: the switching is repeated at other instants of a frame.
   double settled_s = 0;
 };
 

@@ -16,8 +16,9 @@ void notify_stopping();
 class ServiceWatchdog {
  public:
   using Time = std::chrono::steady_clock::time_point;
-  /// No inspection takes so long. The longest is bounded by the camera's frame time-outs.
-  static constexpr std::chrono::seconds kStuck{20};
+  /// No inspection takes so long, on the slowest board and with every frame at its time-out. What a
+  /// light may burn meanwhile is bounded by lights.max_on_ms.
+  static constexpr std::chrono::seconds kStuck{60};
 
   /// `progress` is any number that changes whenever the inspections' thread gets on. Call it
   /// several times a second. False: the thread is stuck, the watchdog starves.

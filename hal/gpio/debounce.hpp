@@ -18,26 +18,23 @@ class EdgeDebouncer {
   void edge(bool active, std::int64_t at_ns) {
     no_edge_until(at_ns);
     // The level it already has: an edge between was lost, so the line is still bouncing.
-    if (active == settled_) {
-      since_ns_.reset();
-    } else {
-      since_ns_ = at_ns;
-    }
+    changing_ = active != settled_;
+    since_ns_ = at_ns;
     if (period_ns_ == 0) no_edge_until(at_ns);
   }
 
   /// Nothing came before this time.
   void no_edge_until(std::int64_t now_ns) {
-    if (!since_ns_ || now_ns - *since_ns_ < period_ns_) return;
-    since_ns_.reset();
+    if (!changing_ || now_ns - since_ns_ < period_ns_) return;
+    changing_ = false;
     settled_ = !settled_;
     if (settled_) ++taken_;
   }
 
   /// When a change under way will count if no edge comes; nothing: none is under way.
   std::optional<std::int64_t> decided_at_ns() const {
-    if (!since_ns_) return std::nullopt;
-    return *since_ns_ + period_ns_;
+    if (!changing_) return std::nullopt;
+    return since_ns_ + period_ns_;
   }
 
   /// Takes one edge to the active level, if there is one that counts.
@@ -50,7 +47,8 @@ class EdgeDebouncer {
  private:
   std::int64_t period_ns_;
   bool settled_;
-  std::optional<std::int64_t> since_ns_;
+  bool changing_ = false;  ///< since since_ns_, away from the settled level
+  std::int64_t since_ns_ = 0;
   std::uint64_t taken_ = 0;
 };
 

@@ -14,8 +14,10 @@ namespace brdfgate {
 namespace {
 
 constexpr double kNs = 1e9;
-/// A timestamp older than a frame by this much, or of the future, is of another clock.
+/// A timestamp older than a frame by this much is of another clock.
 constexpr std::int64_t kOldestStampNs = 10'000'000'000;
+/// Some drivers stamp by their frames' schedule and round it: vivid up to half a frame ahead.
+constexpr std::int64_t kNewestStampNs = 500'000'000;
 
 std::int64_t ns(double seconds) {
   return std::llround(kNs * seconds);
@@ -255,7 +257,7 @@ double V4l2Camera::readout_s() const {
 FrameFacts V4l2Camera::facts_of(const V4l2Frame& frame) {
   const TimestampPoint point = timestamp_point(frame);
   const std::int64_t age = system_.now_ns() - frame.timestamp_ns;
-  if (age < 0 || age > kOldestStampNs + ns(delay_.longest_s())) {
+  if (age < -kNewestStampNs || age > kOldestStampNs + ns(delay_.longest_s())) {
     fail(CameraFault::no_frame, "VIDIOC_DQBUF",
          "a timestamp " + std::to_string(age / 1'000'000) +
              " ms behind the monotonic clock; it is of another one");

@@ -50,6 +50,18 @@ BrdfPtr lambert(double albedo) {
   return make_brdf(LambertParameters{Rgb::Constant(albedo)});
 }
 
+/// Ink of a chart's patch in linear sRGB, out of its gamut too: a camera's own channels may see
+/// what those of sRGB cannot.
+class ChartInk final : public Brdf {
+ public:
+  explicit ChartInk(const Rgb& albedo) : diffuse_(albedo / pi) {}
+  Rgb diffuse(double /*theta_d*/) const override { return diffuse_; }
+  Rgb specular(const HalfDiff& /*angles*/) const override { return Rgb::Zero(); }
+
+ private:
+  Rgb diffuse_;
+};
+
 void check_change(const std::string& where, const BrdfChange& change) {
   const bool finite = std::isfinite(change.albedo) && std::isfinite(change.gloss) &&
                       std::isfinite(change.roughness) && std::isfinite(change.hue_deg);
@@ -169,9 +181,8 @@ PartSurface::PartSurface(const Scene& scene, const BrdfChange& variation) : targ
                    {});
       return;
     case SceneTarget::chart:
-      // Linear sRGB, out of its gamut too: the camera's own channels may see what sRGB's cannot.
       for (const ChartPatch& patch : classic_chart().patches)
-        add_material(make_brdf(LambertParameters{xyz_to_linear_srgb(patch.xyz)}), {});
+        add_material(std::make_shared<ChartInk>(xyz_to_linear_srgb(patch.xyz)), {});
       add_material(lambert(sim_target::kChartFrame), {});
       return;
     case SceneTarget::board:

@@ -26,7 +26,12 @@ int main(int argc, char** argv) {
   app.add_option("--scale", scale, "of the shipped sensor's sides")->check(CLI::Range(0.1, 1.0));
   app.add_option("--repeats", repeats, "captures per line")->check(CLI::Range(1, 1000));
   app.add_option("--whites", whites, "recordings of the white reference")->check(CLI::Range(2, 64));
+  std::vector<double> bracket_ms;
+  app.add_option("--bracket-ms", bracket_ms, "exposures instead of the shipped four");
   CLI11_PARSE(app, argc, argv);
+  if (!bracket_ms.empty()) bracket_s().clear();
+  for (const double ms : bracket_ms)
+    bracket_s().push_back(ms / 1000);
   CalibratedBench bench(scale, whites);
   const cv::Size cells = bench.settings.sensor.cells();
   fmt::print(

@@ -35,8 +35,9 @@ inline StationGeometry drawn_geometry(const SimBenchSettings& s) {
   return make_geometry(rig, s.sensor);
 }
 
-inline const std::vector<double>& bracket_s() {
-  static const std::vector<double> times{0.03e-3, 0.4e-3, 5e-3, 60e-3};
+/// The shipped exposures; a study may take others.
+inline std::vector<double>& bracket_s() {
+  static std::vector<double> times{0.03e-3, 0.4e-3, 5e-3, 60e-3};
   return times;
 }
 

@@ -65,7 +65,7 @@ GrrInput drawn(int parts, int operators, int trials, std::array<double, 4> sigma
 TEST_CASE("The worked example of AIAG's manual comes out: average and range", "[gauge]") {
   const GrrResult r = grr_average_range(aiag());
   CHECK(r.ev == Approx(0.20188).margin(2e-5));
-  CHECK(r.av == Approx(0.22963).margin(5e-5));
+  CHECK(r.av == Approx(0.22963).margin(1e-4));  // its constants have four digits
   CHECK(r.grr == Approx(0.30575).margin(5e-5));
   CHECK(r.pv == Approx(1.10456).margin(2e-4));
   CHECK(r.tv == Approx(1.14610).margin(2e-4));

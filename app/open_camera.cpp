@@ -1,6 +1,10 @@
 #include "app/open_camera.hpp"
 
 #include "app/fault_log.hpp"
+#include "hal/libcamera/request_camera.hpp"
+#ifdef BRDFGATE_LIBCAMERA
+#include "hal/libcamera/libcamera_device.hpp"
+#endif
 #include "hal/v4l2/v4l2_camera.hpp"
 #include "model/error.hpp"
 
@@ -21,7 +25,14 @@ std::unique_ptr<Camera> open_camera(const CameraConfig& config) {
     case CameraBackend::v4l2:
       return make_v4l2_camera(logged(config), config.sensor);
     case CameraBackend::libcamera:
+#ifdef BRDFGATE_LIBCAMERA
+      return make_request_camera(logged(config), config.sensor,
+                                 [device = config.device, sensor = config.sensor] {
+                                   return open_libcamera(device, sensor);
+                                 });
+#else
       throw InputError("camera.backend", "libcamera: these programs were built without it", "v4l2");
+#endif
     case CameraBackend::simulated:
       break;
   }

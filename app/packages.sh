@@ -1,7 +1,7 @@
 # Debian packages of the project, by what needs them. Sourced by app/demo.sh and tests/run.sh.
 # shellcheck shell=bash disable=SC2034
 BUILD_PACKAGES=(build-essential cmake ninja-build ccache pkg-config
-  libopencv-dev libeigen3-dev libceres-dev libopenexr-dev libmodbus-dev libgpiod-dev libsystemd-dev libyaml-cpp-dev libcli11-dev
+  libopencv-dev libeigen3-dev libceres-dev libopenexr-dev libmodbus-dev libgpiod-dev libcamera-dev libsystemd-dev libyaml-cpp-dev libcli11-dev
   libspdlog-dev nlohmann-json3-dev libssl-dev catch2
   gnuplot-nox)  # drawn with, not linked to: --picture
 TEST_PACKAGES=(python3 python3-pymodbus python3-serial-asyncio python3-numpy mbpoll socat)

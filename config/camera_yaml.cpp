@@ -77,10 +77,6 @@ void read_v4l2(const YamlNode& node, CameraDeviceSettings& device) {
   device.device = node.text("path");
   if (device.device.empty()) node.fail_at("path", "empty", "a video node: /dev/video0");
   device.subdevice = node.text_or("subdevice", "");
-  if (node.has("fixed_exposure_ms")) {
-    device.fixed_exposure_s = node.number("fixed_exposure_ms", {0, 60000, true}) / 1e3;
-    device.accept_fixed_exposure = node.boolean_or("accept_fixed_exposure", false);
-  }
   // Nothing is certain of a camera before this was measured: no default where it matters.
   if (device.fixed_exposure_s) {
     device.control_delay_frames = node.integer_or("control_delay_frames", 0, 0, kMostDelayFrames);
@@ -88,7 +84,13 @@ void read_v4l2(const YamlNode& node, CameraDeviceSettings& device) {
     device.control_delay_frames = node.integer("control_delay_frames", 0, kMostDelayFrames);
   }
   if (node.has("gain")) device.gain_law = read_gain_law(node.at("gain"));
-  device.frame_interval_s = node.number_or("frame_interval_ms", 0, {0, 60000}) / 1e3;
+  device.line_time_s = node.number_or("line_time_us", 0, {0, 1000}) / 1e6;
+}
+
+void read_libcamera(const YamlNode& node, CameraDeviceSettings& device) {
+  device.device = node.text_or("id", "");
+  // An exposure counts when it is right within one line, which libcamera does not tell.
+  device.line_time_s = node.number("line_time_us", {0, 1000, true}) / 1e6;
 }
 
 }  // namespace
@@ -104,12 +106,16 @@ void read_camera_device(const YamlNode& camera_node, CameraConfig& camera) {
   device.pixel_format = read_pixel_format(node);
   device.shift_right = node.integer_or("shift_right", 0, 0, 8);
   check_pixel_format(node, camera);
+  if (node.has("fixed_exposure_ms")) {
+    device.fixed_exposure_s = node.number("fixed_exposure_ms", {0, 60000, true}) / 1e3;
+    device.accept_fixed_exposure = node.boolean_or("accept_fixed_exposure", false);
+  }
   if (camera.backend == CameraBackend::v4l2) {
     read_v4l2(node, device);
   } else {
-    device.device = node.text_or("id", "");
+    read_libcamera(node, device);
   }
-  device.line_time_s = node.number_or("line_time_us", 0, {0, 1000}) / 1e6;
+  device.frame_interval_s = node.number_or("frame_interval_ms", 0, {0, 60000}) / 1e3;
   device.readout_s = node.number_or("readout_ms", 0, {0, 1000}) / 1e3;
   if (node.has("timestamp")) {
     device.timestamp = static_cast<TimestampPoint>(node.choice("timestamp", kTimestampPoints));
@@ -138,10 +144,6 @@ void put_v4l2(YAML::Emitter& out, const CameraDeviceSettings& device) {
   put(out, "path", device.device);
   if (!device.subdevice.empty()) put(out, "subdevice", device.subdevice);
   put(out, "control_delay_frames", std::to_string(device.control_delay_frames));
-  if (device.fixed_exposure_s) {
-    put(out, "fixed_exposure_ms", rounded(*device.fixed_exposure_s * 1e3));
-    put(out, "accept_fixed_exposure", device.accept_fixed_exposure ? "true" : "false");
-  }
   if (device.gain_law) {
     const auto kind = static_cast<std::size_t>(device.gain_law->kind);
     out << YAML::Key << "gain" << YAML::Value << YAML::BeginMap;
@@ -149,7 +151,6 @@ void put_v4l2(YAML::Emitter& out, const CameraDeviceSettings& device) {
     put(out, kGainScales.at(kind), number_text(device.gain_law->scale));
     out << YAML::EndMap;
   }
-  put(out, "frame_interval_ms", rounded(device.frame_interval_s * 1e3));
 }
 
 }  // namespace
@@ -164,6 +165,11 @@ void put_camera_device(YAML::Emitter& out, const CameraConfig& camera) {
   } else if (!device.device.empty()) {
     put(out, "id", device.device);
   }
+  if (device.fixed_exposure_s) {
+    put(out, "fixed_exposure_ms", rounded(*device.fixed_exposure_s * 1e3));
+    put(out, "accept_fixed_exposure", device.accept_fixed_exposure ? "true" : "false");
+  }
+  put(out, "frame_interval_ms", rounded(device.frame_interval_s * 1e3));
   put(out, "line_time_us", rounded(device.line_time_s * 1e6));
   put(out, "readout_ms", rounded(device.readout_s * 1e3));
   put(out, "timestamp", kTimestampPoints.at(static_cast<std::size_t>(device.timestamp)));

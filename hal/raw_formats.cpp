@@ -8,13 +8,14 @@ namespace {
 
 using enum RawPacking;
 
-constexpr std::array<RawFormat, 30> kFormats{{
+constexpr std::array<RawFormat, 31> kFormats{{
     {"GREY", "GREY", "R8", Mosaic::mono, 8, bytes},
     {"Y10", "Y10 ", "R10", Mosaic::mono, 10, words},
     {"Y10P", "Y10P", "R10_CSI2P", Mosaic::mono, 10, csi2p10},
     {"Y12", "Y12 ", "R12", Mosaic::mono, 12, words},
     {"Y12P", "Y12P", "R12_CSI2P", Mosaic::mono, 12, csi2p12},
     {"Y16", "Y16 ", "R16", Mosaic::mono, 16, words},
+    {"RGB24", "RGB3", "BGR888", Mosaic::mono, 8, green_of_rgb},
     {"SRGGB8", "RGGB", "SRGGB8", Mosaic::rggb, 8, bytes},
     {"SBGGR8", "BA81", "SBGGR8", Mosaic::bggr, 8, bytes},
     {"SGRBG8", "GRBG", "SGRBG8", Mosaic::grbg, 8, bytes},
@@ -50,6 +51,11 @@ void unpack_words(const std::uint8_t* in, std::uint16_t* out, int width) {
     out[x] = static_cast<std::uint16_t>(in[0] | in[1] << 8);
 }
 
+void unpack_green(const std::uint8_t* in, std::uint16_t* out, int width) {
+  for (int x = 0; x < width; ++x, in += 3)
+    out[x] = in[1];
+}
+
 /// `Group` pixels: their high bytes, then one byte with `Bits` - 8 low bits of each.
 template <int Group, int Bits>
 void unpack_csi2p(const std::uint8_t* in, std::uint16_t* out, int width) {
@@ -69,6 +75,8 @@ UnpackRow row_function(RawPacking packing) {
       return unpack_bytes;
     case words:
       return unpack_words;
+    case green_of_rgb:
+      return unpack_green;
     case csi2p10:
       return unpack_csi2p<4, 10>;
     case csi2p12:
@@ -96,6 +104,8 @@ std::size_t RawFormat::row_bytes(int width) const {
       return static_cast<std::size_t>(width);
     case words:
       return 2 * static_cast<std::size_t>(width);
+    case green_of_rgb:
+      return 3 * static_cast<std::size_t>(width);
     case csi2p10:
       return 5 * groups(width, 4);
     case csi2p12:

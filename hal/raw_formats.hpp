@@ -18,10 +18,11 @@ namespace brdfgate {
 
 /// How pixels lie in a row.
 enum class RawPacking {
-  bytes,    ///< one byte a pixel
-  words,    ///< one 16-bit word a pixel, the count in its low bits
-  csi2p10,  ///< 4 pixels in 5 bytes: the 8 high bits of each, then the low pairs, first pixel
-            ///< lowest
+  bytes,         ///< one byte a pixel
+  words,         ///< one 16-bit word a pixel, the count in its low bits
+  csi2p10,       ///< 4 pixels in 5 bytes: the 8 high bits of each, then the low pairs, first pixel
+                 ///< lowest
+  green_of_rgb,  ///< 3 bytes a pixel, the middle one taken
   csi2p12,  ///< 2 pixels in 3 bytes: the 8 high bits of each, then the low nibbles, first lowest
 };
 
@@ -40,7 +41,8 @@ struct RawFormat {
   std::size_t row_bytes(int width) const;
 };
 
-/// All formats.
+/// All formats. RGB24 is none of a sensor: the green channel of a camera that gives no raw frames
+/// (libcamera's vimc, a webcam), to try the rest of a station with and not to measure.
 std::span<const RawFormat> raw_formats();
 /// By any of its three names; nullptr: unknown.
 const RawFormat* find_raw_format(std::string_view name);

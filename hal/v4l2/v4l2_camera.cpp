@@ -5,6 +5,7 @@
 #include <map>
 #include <utility>
 
+#include "hal/camera_checks.hpp"
 #include "hal/frame_matcher.hpp"
 #include "hal/raw_formats.hpp"
 #include "hal/v4l2/v4l2_controls.hpp"
@@ -13,39 +14,9 @@
 namespace brdfgate {
 namespace {
 
-constexpr double kNs = 1e9;
-/// A timestamp older than a frame by this much is of another clock.
-constexpr std::int64_t kOldestStampNs = 10'000'000'000;
-/// Some drivers stamp by their frames' schedule and round it: vivid up to half a frame ahead.
-constexpr std::int64_t kNewestStampNs = 500'000'000;
-
-std::int64_t ns(double seconds) {
-  return std::llround(kNs * seconds);
-}
-
 bool nothing_to_set(const CameraDeviceSettings& settings) {
   return settings.fixed_exposure_s && !settings.gain_law;
 }
-
-/// Frames of one wait that did not count, for messages.
-struct Passed {
-  int early = 0;
-  int unknown = 0;
-  int repeated = 0;
-  int damaged = 0;
-
-  std::string text() const {
-    std::string out;
-    const auto add = [&out](int count, const char* what) {
-      if (count > 0) out += (out.empty() ? "" : ", ") + std::to_string(count) + " " + what;
-    };
-    add(early, "begun too early");
-    add(unknown, "before the setting was in effect");
-    add(repeated, "that came twice");
-    add(damaged, "truncated or damaged");
-    return out.empty() ? "no frame came" : "frames came: " + out;
-  }
-};
 
 class V4l2Camera final : public Camera {
  public:
@@ -93,7 +64,7 @@ class V4l2Camera final : public Camera {
   void start_stream();
   void ask_for(const AppliedSettings& settings);
   RawFrame wait_for_next(std::int64_t deadline_ns);
-  void take(const V4l2Frame& frame, Passed& passed);
+  void take(const V4l2Frame& frame, PassedFrames& passed);
   FrameFacts facts_of(const V4l2Frame& frame);
   TimestampPoint timestamp_point(const V4l2Frame& frame) const;
   double readout_s() const;
@@ -151,14 +122,7 @@ void V4l2Camera::ask_for(const AppliedSettings& settings) {
 
 void V4l2Camera::arm(const std::vector<ExposureRequest>& bracket, std::int64_t not_before_ns) {
   disarm();
-  for (const ExposureRequest& request : bracket) {
-    if (!std::isfinite(request.exposure_s) || request.exposure_s <= 0) {
-      fail(CameraFault::not_applied, "arm", "the exposure must be over 0 s");
-    }
-    if (!std::isfinite(request.gain) || request.gain <= 0) {
-      fail(CameraFault::not_applied, "arm", "the gain must be over 0");
-    }
-  }
+  check_requests(bracket, settings_.device);
   try {
     if (!device_) open();
     std::vector<AppliedSettings> wanted;
@@ -180,7 +144,7 @@ RawFrame V4l2Camera::next_frame(std::chrono::milliseconds timeout) {
   if (next_ >= matcher_.size()) fail(CameraFault::no_frame, "next_frame", "nothing is armed");
   try {
     RawFrame frame =
-        wait_for_next(system_.now_ns() + ns(1e-3 * static_cast<double>(timeout.count())));
+        wait_for_next(system_.now_ns() + to_ns(1e-3 * static_cast<double>(timeout.count())));
     if (++next_ == matcher_.size()) report_losses();
     return frame;
   } catch (const CameraError& error) {
@@ -195,7 +159,7 @@ RawFrame V4l2Camera::next_frame(std::chrono::milliseconds timeout) {
 }
 
 RawFrame V4l2Camera::wait_for_next(std::int64_t deadline_ns) {
-  Passed passed;
+  PassedFrames passed;
   while (matcher_.is_missing(next_)) {
     ask_for(matcher_.wanted(next_));
     const auto frame = device_->wait(std::max<std::int64_t>(deadline_ns - system_.now_ns(), 0));
@@ -213,7 +177,7 @@ RawFrame V4l2Camera::wait_for_next(std::int64_t deadline_ns) {
   return std::move(taken.mapped());
 }
 
-void V4l2Camera::take(const V4l2Frame& frame, Passed& passed) {
+void V4l2Camera::take(const V4l2Frame& frame, PassedFrames& passed) {
   const RawImage image{frame.bytes, device_->stride(), sensor_.width, sensor_.height};
   if (frame.damaged || !is_complete(*settings_.pixel_format, image)) {
     ++passed.damaged;
@@ -221,9 +185,7 @@ void V4l2Camera::take(const V4l2Frame& frame, Passed& passed) {
   }
   const FrameFacts facts = facts_of(frame);
   const FrameMatcher::Outcome outcome = matcher_.offer(facts);
-  passed.early += outcome.fate == FrameFate::early ? 1 : 0;
-  passed.repeated += outcome.fate == FrameFate::repeated ? 1 : 0;
-  passed.unknown += outcome.fate == FrameFate::unknown ? 1 : 0;
+  passed.count(outcome.fate);
   if (outcome.fate != FrameFate::taken) return;
   RawFrame raw;
   raw.counts = unpack(*settings_.pixel_format, image, settings_.shift_right);
@@ -256,17 +218,9 @@ double V4l2Camera::readout_s() const {
 
 FrameFacts V4l2Camera::facts_of(const V4l2Frame& frame) {
   const TimestampPoint point = timestamp_point(frame);
-  const std::int64_t age = system_.now_ns() - frame.timestamp_ns;
-  if (age < -kNewestStampNs || age > kOldestStampNs + ns(delay_.longest_s())) {
-    fail(CameraFault::no_frame, "VIDIOC_DQBUF",
-         "a timestamp " + std::to_string(age / 1'000'000) +
-             " ms behind the monotonic clock; it is of another one");
-  }
+  check_stamp(frame.timestamp_ns, system_.now_ns(), delay_.longest_s(), settings_.device);
   const auto begun = [&](double exposure_s) {
-    double back_s = 0;
-    if (point != TimestampPoint::start_of_exposure) back_s += exposure_s;
-    if (point == TimestampPoint::end_of_frame) back_s += readout_s();
-    return frame.timestamp_ns - ns(back_s);
+    return begun_ns(point, frame.timestamp_ns, exposure_s, readout_s());
   };
   FrameFacts facts;
   facts.sequence = frame.sequence;

@@ -4,45 +4,27 @@
 #include <array>
 #include <cerrno>
 #include <cmath>
-#include <cstdio>
+
+#include "hal/camera_checks.hpp"
 
 namespace brdfgate {
 namespace {
 
 /// Of V4L2_CID_EXPOSURE_ABSOLUTE.
 constexpr double kAbsoluteUnitS = 100e-6;
-/// Gain codes are coarse: what is this near to the asked gain is that gain.
-constexpr double kGainTolerance = 0.02;
-
-std::string ms_text(double seconds) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.6g ms", 1e3 * seconds);
-  return text.data();
-}
-
-std::string gain_text(double gain) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.4g", gain);
-  return text.data();
-}
 
 }  // namespace
 
 V4l2Controls::V4l2Controls(const V4l2Node& video, const CameraDeviceSettings& settings,
                            const SensorFormat& sensor)
-    : video_(video),
-      gain_law_(settings.gain_law),
-      rows_(sensor.height),
-      line_time_s_(settings.line_time_s),
-      fixed_exposure_s_(settings.fixed_exposure_s),
-      accept_fixed_(settings.accept_fixed_exposure) {
+    : video_(video), settings_(settings), rows_(sensor.height), line_time_s_(settings.line_time_s) {
   if (!settings.subdevice.empty()) {
     sensor_ = std::make_unique<V4l2Node>(video.system(), settings.subdevice);
   }
   all_manual();
   read_line_time(sensor);
-  find_exposure(settings, sensor);
-  find_gain(settings);
+  find_exposure(sensor);
+  find_gain();
 }
 
 void V4l2Controls::refuse(const std::string& what) const {
@@ -122,15 +104,15 @@ void V4l2Controls::read_line_time(const SensorFormat& sensor) {
   line_time_s_ = (sensor.width + static_cast<double>(get(*blanking))) / pixels_per_s;
 }
 
-void V4l2Controls::find_exposure(const CameraDeviceSettings& settings, const SensorFormat& sensor) {
-  if (fixed_exposure_s_) return;
+void V4l2Controls::find_exposure(const SensorFormat& sensor) {
+  if (settings_.fixed_exposure_s) return;
   exposure_ = find(V4L2_CID_EXPOSURE_ABSOLUTE);
   exposure_unit_s_ = kAbsoluteUnitS;
   if (exposure_) return;
   exposure_ = find(V4L2_CID_EXPOSURE);
   if (!exposure_) {
     refuse("the camera has no exposure control" +
-           std::string(settings.subdevice.empty() ? " on this node" : "") +
+           std::string(settings_.subdevice.empty() ? " on this node" : "") +
            "; name the sensor's own node in camera.device.subdevice, or, where the exposure is "
            "fixed, say camera.device.fixed_exposure_ms");
   }
@@ -149,16 +131,17 @@ void V4l2Controls::find_blanking(const SensorFormat& sensor) {
   frame_margin_ = std::max<std::int64_t>(sensor.height + get(*blanking_) - exposure_->most, 0);
 }
 
-void V4l2Controls::find_gain(const CameraDeviceSettings& settings) {
+void V4l2Controls::find_gain() {
   gain_ = find(V4L2_CID_ANALOGUE_GAIN);
   if (!gain_) gain_ = find(V4L2_CID_GAIN);
-  if (!gain_ && settings.gain_law) {
+  if (!gain_ && settings_.gain_law) {
     refuse("the camera has no gain control; remove camera.device.gain");
   }
 }
 
 CameraCapabilities V4l2Controls::capabilities() const {
-  return {.exposure = exposure_.has_value(), .gain = gain_.has_value() && gain_law_.has_value()};
+  return {.exposure = exposure_.has_value(),
+          .gain = gain_.has_value() && settings_.gain_law.has_value()};
 }
 
 std::int64_t V4l2Controls::snapped(const Control& control, double value) {
@@ -192,24 +175,19 @@ AppliedSettings V4l2Controls::applicable(const ExposureRequest& request) const {
              ms_text(longest_exposure_s()) + " in steps of " + ms_text(step_s));
     }
   } else {
-    applied.exposure_s = *fixed_exposure_s_;
-    const bool asked_for = std::abs(request.exposure_s - applied.exposure_s) <= line_time_s_ + 1e-9;
-    if (!asked_for && !accept_fixed_) {
-      refuse("an exposure of " + ms_text(request.exposure_s) +
-             " cannot be applied; it is fixed at " + ms_text(applied.exposure_s) +
-             " (camera.device.accept_fixed_exposure: true takes frames with that one)");
-    }
+    applied.exposure_s = fixed_exposure_s(request, settings_);
   }
-  if (gain_ && gain_law_) {
-    applied.gain =
-        gain_law_->gain_of(static_cast<double>(snapped(*gain_, gain_law_->code_of(request.gain))));
+  if (gain_ && settings_.gain_law) {
+    applied.gain = settings_.gain_law->gain_of(
+        static_cast<double>(snapped(*gain_, settings_.gain_law->code_of(request.gain))));
   }
   if (std::abs(applied.gain - request.gain) > kGainTolerance * request.gain) {
     refuse("a gain of " + gain_text(request.gain) + " cannot be applied; " +
-           (gain_ && gain_law_
+           (gain_ && settings_.gain_law
                 ? "the driver has " +
-                      gain_text(gain_law_->gain_of(static_cast<double>(gain_->least))) + " to " +
-                      gain_text(gain_law_->gain_of(static_cast<double>(gain_->most)))
+                      gain_text(settings_.gain_law->gain_of(static_cast<double>(gain_->least))) +
+                      " to " +
+                      gain_text(settings_.gain_law->gain_of(static_cast<double>(gain_->most)))
                 : std::string("without camera.device.gain only 1 can")));
   }
   return applied;
@@ -232,14 +210,14 @@ void V4l2Controls::apply(const AppliedSettings& settings) const {
     confirmed(*exposure_, "exposure", code);
   }
   if (gain_) {
-    const double code =
-        gain_law_ ? gain_law_->code_of(settings.gain) : static_cast<double>(gain_->preset);
+    const double code = settings_.gain_law ? settings_.gain_law->code_of(settings.gain)
+                                           : static_cast<double>(gain_->preset);
     confirmed(*gain_, "gain", snapped(*gain_, code));
   }
 }
 
 double V4l2Controls::current_exposure_s() const {
-  if (!exposure_) return *fixed_exposure_s_;
+  if (!exposure_) return *settings_.fixed_exposure_s;
   return static_cast<double>(get(*exposure_)) * exposure_unit_s_;
 }
 

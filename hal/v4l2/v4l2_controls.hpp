@@ -44,8 +44,8 @@ class V4l2Controls {
     std::int64_t preset = 0;  ///< the driver's default
   };
 
-  void find_exposure(const CameraDeviceSettings& settings, const SensorFormat& sensor);
-  void find_gain(const CameraDeviceSettings& settings);
+  void find_exposure(const SensorFormat& sensor);
+  void find_gain();
   void find_blanking(const SensorFormat& sensor);
   void read_line_time(const SensorFormat& sensor);
   void all_manual() const;
@@ -58,17 +58,15 @@ class V4l2Controls {
   [[noreturn]] void refuse(const std::string& what) const;
 
   const V4l2Node& video_;
+  const CameraDeviceSettings settings_;
   std::unique_ptr<V4l2Node> sensor_;  ///< the sensor's own node, where it has one
   std::optional<Control> exposure_;
   double exposure_unit_s_ = 0;
   std::optional<Control> gain_;
-  std::optional<GainLaw> gain_law_;
   std::optional<Control> blanking_;  ///< rows after the image; a longer exposure needs more
   std::int64_t frame_margin_ = 0;    ///< rows that a frame is longer than its longest exposure
   int rows_ = 0;
   double line_time_s_ = 0;
-  std::optional<double> fixed_exposure_s_;
-  bool accept_fixed_ = false;
 };
 
 }  // namespace brdfgate

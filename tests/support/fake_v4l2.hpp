@@ -65,6 +65,9 @@ inline std::vector<std::uint8_t> packed_row(const RawFormat& format,
         out[2 * x] = static_cast<std::uint8_t>(count & 0xff);
         out[2 * x + 1] = static_cast<std::uint8_t>(count >> 8);
         break;
+      case RawPacking::green_of_rgb:
+        out[3 * x + 1] = static_cast<std::uint8_t>(count);
+        break;
       default: {
         const std::size_t first = x / group * (group + 1);
         const auto i = static_cast<unsigned>(x % group);

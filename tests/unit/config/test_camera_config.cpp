@@ -67,10 +67,13 @@ TEST_CASE("A V4L2 camera is read with its units turned to SI, and survives its o
   CHECK(to_yaml(read(dir, to_yaml(config))) == to_yaml(config));
 }
 
-TEST_CASE("A libcamera camera needs only its format") {
+TEST_CASE("A libcamera camera needs only its format and line time") {
   const TempDir dir;
-  const StationConfig config =
-      read(dir, hardware("libcamera", "  device: {pixel_format: SRGGB10_CSI2P}\n"));
+  const std::string text =
+      hardware("libcamera", "  device: {pixel_format: SRGGB10_CSI2P, line_time_us: 14.8}\n");
+  CHECK(contains(input_error([&] { read(dir, replaced(text, ", line_time_us: 14.8", "")); }),
+                 "(camera.device.line_time_us): missing"));
+  const StationConfig config = read(dir, text);
   CHECK(config.camera.backend == CameraBackend::libcamera);
   CHECK(config.camera.device.device.empty());
   CHECK(to_yaml(read(dir, to_yaml(config))) == to_yaml(config));

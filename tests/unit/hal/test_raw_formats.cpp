@@ -27,6 +27,7 @@ std::vector<int> unpacked(const Row& row, int shift = 0) {
 TEST_CASE("Raw rows are unpacked as the format says") {
   const auto row = GENERATE(values<Row>({
       {"GREY", {0x00, 0x7f, 0xff}, {0, 127, 255}},
+      {"RGB24", {1, 2, 3, 4, 5, 6}, {2, 5}},
       {"Y10", {0x34, 0x02, 0xff, 0x03}, {0x234, 1023}},
       {"Y12", {0xbc, 0x0a}, {0xabc}},
       {"Y16", {0x01, 0x80, 0xff, 0xff}, {0x8001, 65535}},

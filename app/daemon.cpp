@@ -6,6 +6,7 @@
 #include <cmath>
 #include <ctime>
 
+#include "app/device_faults.hpp"
 #include "app/plc/device.hpp"
 #include "app/recipe_file.hpp"
 #include "app/session.hpp"
@@ -21,6 +22,7 @@ using namespace std::chrono_literals;
 /// How often the gate's clockwork is looked at; the heartbeat's period is 100 ms.
 constexpr auto kTick = 50ms;
 constexpr auto kStoreEvery = 5s;
+constexpr auto kCheckDevicesEvery = 1s;
 /// Warn from this share of a limit on.
 constexpr double kWarnShare = 0.5;
 /// A clock before this build's year was never set.
@@ -122,8 +124,8 @@ void Daemon::choose_recipe(std::uint16_t id) {
 void Daemon::announce(StationState state) {
   StationStatus status;
   trigger_lost_announced_ = trigger_lost_;
-  status.state = trigger_lost_announced_ ? StationState::error : state;
-  if (trigger_lost_announced_) status.error_code = ErrorCode::trigger_line;
+  status.error_code = trigger_lost_announced_ ? ErrorCode::trigger_line : device_error_;
+  status.state = status.error_code == ErrorCode::none ? state : StationState::error;
   status.warning_bits = warnings_;
   status.recipe_id = in_force_ != nullptr ? static_cast<std::uint16_t>(in_force_->recipe.id) : 0;
   status.clusters =
@@ -167,17 +169,42 @@ void Daemon::watch_trigger_line() {
       [gpio = config_.trigger->gpio] { return std::make_unique<GpioTrigger>(gpio); }, told);
 }
 
+/// A camera that is away, at the start or later, is an error of the station until it is back.
+void Daemon::check_devices() {
+  next_device_check_ = std::chrono::steady_clock::now() + kCheckDevicesEvery;
+  ErrorCode found = ErrorCode::none;
+  try {
+    station_->check();
+  } catch (const DeviceError& error) {
+    const DeviceFault fault = fault_of(error);
+    found = fault.code;
+    device_faults_.report(fault.fault_class, error.what());
+  } catch (const InputError& error) {
+    found = ErrorCode::configuration;
+    device_faults_.report("devices", error.what());
+  }
+  if (found == device_error_) return;
+  if (found == ErrorCode::none) spdlog::info("devices: usable again");
+  device_error_ = found;
+  announce(StationState::ready);
+}
+
 void Daemon::run(const std::stop_token& stop) {
   const std::stop_callback wake(stop, [this] { gate_.wake(); });
+  check_devices();
   announce(StationState::ready);
   notify_ready();
   while (!stop.stop_requested()) {
+    if (std::chrono::steady_clock::now() >= next_device_check_) check_devices();
     if (trigger_lost_ != trigger_lost_announced_) announce(StationState::ready);
     ++marks_.capture;
     ++marks_.judging;
     const PlcCommand command = gate_.wait_for_command(100ms);
-    if (const auto* trigger = std::get_if<TriggerAccepted>(&command))
+    if (const auto* trigger = std::get_if<TriggerAccepted>(&command)) {
       cycle_->run(trigger->trigger_id);
+      // After the result, and before the PLC has acknowledged it.
+      check_devices();
+    }
     if (const auto* selected = std::get_if<RecipeSelected>(&command))
       choose_recipe(selected->recipe);
     if (std::holds_alternative<ErrorCleared>(command)) announce(StationState::ready);

@@ -39,6 +39,7 @@ class Daemon {
   PlcGateSettings gate_settings();
   void announce(StationState state);
   void watch_trigger_line();
+  void check_devices();
   void keep_house(const std::stop_token& stop);
   void observe(const Inspection& part);
 
@@ -55,6 +56,9 @@ class Daemon {
   std::atomic<std::uint16_t> warnings_{0};
   std::atomic<bool> trigger_lost_{false};
   bool trigger_lost_announced_ = false;
+  ErrorCode device_error_ = ErrorCode::none;
+  SteadyTime next_device_check_{};
+  FaultLog device_faults_;
   std::unique_ptr<InspectionCycle> cycle_;
   std::unique_ptr<TcpServer> server_;
   std::unique_ptr<TriggerWatch> trigger_watch_;

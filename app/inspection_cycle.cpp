@@ -1,5 +1,6 @@
 #include "app/inspection_cycle.hpp"
 
+#include "app/device_faults.hpp"
 #include "app/result_json.hpp"
 #include "model/error.hpp"
 
@@ -34,11 +35,9 @@ CyclePhase InspectionCycle::step(CyclePhase phase, std::uint32_t trigger_id) {
       case CyclePhase::done:
         break;
     }
-  } catch (const LightsError& error) {
-    fault_ = {Reason::hardware, ErrorCode::lights, "lights", error.what()};
-    return CyclePhase::failed;
   } catch (const DeviceError& error) {
-    fault_ = {Reason::hardware, ErrorCode::camera, "device", error.what()};
+    const DeviceFault device = fault_of(error);
+    fault_ = {Reason::hardware, device.code, device.fault_class, error.what()};
     return CyclePhase::failed;
   } catch (const InputError& error) {
     fault_ = {Reason::hardware, ErrorCode::processing, "input", error.what()};

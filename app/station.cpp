@@ -1,11 +1,13 @@
 #include "app/station.hpp"
 
 #include <set>
+#include <span>
 
 #include "app/open_camera.hpp"
 #include "config/scene_reader.hpp"
 #include "hal/gpio/gpio_lights.hpp"
 #include "hal/sim/sim_station.hpp"
+#include "model/bracket_check.hpp"
 #include "model/error.hpp"
 
 namespace brdfgate {
@@ -23,7 +25,10 @@ class SimulatedBench final : public Station {
   Lights& lights() override { return bench_.lights(); }
   bool simulated() const override { return true; }
 
+  void check() override { bench_.camera().probe(); }
+
   void next_part(std::uint32_t trigger_id) override {
+    check();
     const bool named = trigger_id >= 1 && trigger_id <= scenes_.size();
     const std::size_t scene = named ? trigger_id - 1 : turn_++ % scenes_.size();
     bench_.place(read_scene(scenes_[scene]), seed_, part_++);
@@ -48,10 +53,12 @@ class HardwareStation final : public Station {
   Lights& lights() override { return lights_; }
   bool simulated() const override { return false; }
 
-  void next_part(std::uint32_t /*trigger_id*/) override {
+  void check() override {
     lights_.verify();
     camera_->probe();
   }
+
+  void next_part(std::uint32_t /*trigger_id*/) override { check(); }
 
  private:
   GpioLights lights_;
@@ -76,6 +83,15 @@ void capture_bracket(Station& station, LightIndex light, const std::vector<doubl
   }
 }
 
+/// Throws where what was captured since frame `first` cannot be of one scene.
+void check_bracket(const Capture& capture, std::size_t first) {
+  const auto contradiction =
+      bracket_contradiction(std::span(capture.frames).subspan(first), capture.sensor, true);
+  if (contradiction) {
+    throw CameraError(CameraFault::implausible, "camera", "bracket", *contradiction);
+  }
+}
+
 void capture_lit(Station& station, LightIndex light, const std::vector<double>& exposures_ms,
                  const CameraConfig& config, Capture& into) {
   station.lights().on(light);
@@ -84,14 +100,16 @@ void capture_lit(Station& station, LightIndex light, const std::vector<double>& 
 }
 
 void capture_light(Station& station, LightIndex light, const CameraConfig& config, Capture& into) {
+  const std::size_t first = into.frames.size();
   if (station.lights_mode() == LightsMode::steady) {
     capture_lit(station, light, config.bracket_ms, config, into);
-    return;
+  } else {
+    for (const double ms : config.bracket_ms) {
+      capture_lit(station, light, {ms}, config, into);
+      station.lights().all_off();
+    }
   }
-  for (const double ms : config.bracket_ms) {
-    capture_lit(station, light, {ms}, config, into);
-    station.lights().all_off();
-  }
+  check_bracket(into, first);
 }
 
 }  // namespace
@@ -113,6 +131,7 @@ Capture capture_part(Station& station, const CameraConfig& config,
   station.lights().all_off();
   Capture capture{station.camera().format(), {}};
   capture_bracket(station, kNoLight, config.ambient_ms, config, capture);
+  check_bracket(capture, 0);
   for (LightIndex light = kMeasuringLights; light >= 1; --light)
     capture_light(station, light, config, capture);
   station.lights().all_off();

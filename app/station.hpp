@@ -24,8 +24,10 @@ class Station {
   virtual Lights& lights() = 0;
   LightsMode lights_mode() const { return lights_mode_; }
   virtual bool simulated() const = 0;
-  /// Called before every capture. Throws DeviceError when camera or lights cannot be used now; what
-  /// was away and is back is taken into use again. Simulated: reads the scene anew and places the
+  /// Throws DeviceError when camera or lights cannot be used now; what was away and is back is
+  /// taken into use again. Cheap while nothing is wrong; not during a capture.
+  virtual void check() = 0;
+  /// Called before every capture; check()s. Simulated: reads the scene anew and places the
   /// next part of it: scene number `trigger_id` for 1..n, for any other id the scenes in turn.
   /// Throws InputError for an unusable scene file.
   virtual void next_part(std::uint32_t trigger_id) = 0;
@@ -34,7 +36,7 @@ class Station {
   LightsMode lights_mode_;
 };
 
-/// Real devices that are away are no error yet: next_part() tells. Throws InputError for a backend
+/// Real devices that are away are no error yet: check() tells. Throws InputError for a backend
 /// that these programs were built without.
 std::unique_ptr<Station> open_station(const StationConfig& config);
 

@@ -173,7 +173,7 @@ SimDeviation read_deviation(const YamlNode& node) {
   return d;
 }
 
-SimBenchSettings read_simulator(const YamlNode& node) {
+SimBenchSettings read_simulator(const YamlNode& node, const fs::path& folder) {
   SimBenchSettings sim;
   sim.full_well_e = node.number("full_well_e", strictly_between(0, 1e7));
   sim.dark_current_e_s = node.number("dark_current_e_s", between(0, 1e6));
@@ -186,6 +186,9 @@ SimBenchSettings read_simulator(const YamlNode& node) {
     sim.camera_rgb = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(m.data());
   }
   sim.light_rise_s = node.number_or("light_rise_ms", 0, between(0, 1000)) / 1000;
+  if (node.has("camera_fault_file")) {
+    sim.camera_fault_file = read_path(node.at("camera_fault_file"), folder);
+  }
   if (node.has("deviation")) sim.deviation = read_deviation(node.at("deviation"));
   node.finish();
   return sim;
@@ -335,7 +338,7 @@ StationConfig read_station_config(const fs::path& file) {
     if (config.camera.backend != CameraBackend::simulated) {
       root.fail_at("simulator", "camera.backend is not simulated", "no such section");
     }
-    config.simulator = read_simulator(root.at("simulator"));
+    config.simulator = read_simulator(root.at("simulator"), folder);
   }
   config.lights = read_lights(root, config.camera);
   config.trigger = read_trigger(root);

@@ -138,6 +138,9 @@ void put_simulator(Emitter& out, const SimBenchSettings& sim) {
     put_list(out, "camera_rgb", m.reshaped<Eigen::RowMajor>(), number_text);
   }
   put(out, "light_rise_ms", converted(sim.light_rise_s * 1000));
+  if (!sim.camera_fault_file.empty()) {
+    put(out, "camera_fault_file", path_text(sim.camera_fault_file));
+  }
   if (!(sim.deviation == SimDeviation{})) {
     put_map(out, "deviation", [&] { put_deviation(out, sim.deviation); });
   }

@@ -71,16 +71,20 @@ enum class ResultState : std::uint16_t {
 /// Register `error_code`; the manual's list.
 enum class ErrorCode : std::uint16_t {
   none = 0,
-  configuration = 1,   ///< the station cannot work as configured
-  camera = 10,         ///< no frame, or not the one asked for
-  lights = 11,         ///< a light cannot be switched
-  trigger_line = 12,   ///< the hardware trigger cannot be read
-  calibration = 20,    ///< missing, foreign or unreadable
-  basis = 21,          ///< missing or unreadable
-  recipe = 22,         ///< foreign or unreadable
-  processing = 30,     ///< the inspection itself failed
-  storage = 40,        ///< the state directory cannot be written
-  plc_heartbeat = 50,  ///< the PLC's heartbeat stands still
+  configuration = 1,     ///< the station cannot work as configured
+  camera = 10,           ///< no frame in time, or none that could be used
+  lights = 11,           ///< a light cannot be switched
+  trigger_line = 12,     ///< the hardware trigger cannot be read
+  camera_absent = 13,    ///< not there, not ours, or with another format than configured
+  camera_settings = 14,  ///< an exposure or gain cannot be or is not applied
+  camera_memory = 15,    ///< no memory for the camera's buffers
+  camera_frames = 16,    ///< frames contradict each other: frozen, black, wrongly exposed
+  calibration = 20,      ///< missing, foreign or unreadable
+  basis = 21,            ///< missing or unreadable
+  recipe = 22,           ///< foreign or unreadable
+  processing = 30,       ///< the inspection itself failed
+  storage = 40,          ///< the state directory cannot be written
+  plc_heartbeat = 50,    ///< the PLC's heartbeat stands still
 };
 
 namespace valid_bit {

@@ -50,6 +50,9 @@ class SimBench {
 
   /// Lets time pass on the bench's clock up to `ns`; nothing when that is past.
   void advance_to(std::int64_t ns) { clock_ns_ = std::max(clock_ns_, ns); }
+  /// Frames taken of the part in place. Precondition: occupied.
+  std::uint64_t frames_of_part() const { return placed_->frames; }
+  double applied_exposure_s(double asked_s) const { return sensor_.applied_exposure_s(asked_s); }
   /// Time on the bench's clock that a frame of this exposure takes, readout included.
   double frame_time_s(double asked_s) const;
   /// Exposes whatever glows now and moves the clock on. Precondition: occupied.

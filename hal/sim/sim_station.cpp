@@ -2,64 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <deque>
 #include <numbers>
 #include <string>
 
 #include "hal/sim/bench.hpp"
+#include "hal/sim/sim_camera.hpp"
 
 namespace brdfgate {
 namespace {
 
-constexpr const char* kCameraName = "simulated camera";
 constexpr const char* kLightsName = "simulated lights";
-
-class SimCamera final : public Camera {
- public:
-  explicit SimCamera(SimBench& bench) : bench_(bench) {}
-
-  SensorFormat format() const override { return bench_.settings().sensor; }
-
-  CameraCapabilities capabilities() const override { return {}; }
-
-  void probe() override {}
-
-  void arm(const std::vector<ExposureRequest>& bracket, std::int64_t not_before_ns) override {
-    armed_.clear();
-    for (const ExposureRequest& request : bracket) {
-      if (!std::isfinite(request.exposure_s) || request.exposure_s <= 0) {
-        throw DeviceError(kCameraName, "arm", "the exposure must be over 0 s");
-      }
-      if (!std::isfinite(request.gain) || request.gain <= 0) {
-        throw DeviceError(kCameraName, "arm", "the gain must be over 0");
-      }
-    }
-    armed_.assign(bracket.begin(), bracket.end());
-    bench_.advance_to(not_before_ns);
-  }
-
-  RawFrame next_frame(std::chrono::milliseconds timeout) override {
-    if (armed_.empty()) throw DeviceError(kCameraName, "next_frame", "nothing is armed");
-    if (!bench_.occupied()) {
-      throw DeviceError(kCameraName, "next_frame", "no scene was placed under the camera");
-    }
-    const ExposureRequest request = armed_.front();
-    armed_.pop_front();
-    if (bench_.frame_time_s(request.exposure_s) > std::chrono::duration<double>(timeout).count()) {
-      armed_.clear();
-      throw CameraError(
-          CameraFault::no_frame, kCameraName, "next_frame",
-          "exposure and readout take longer than " + std::to_string(timeout.count()) + " ms");
-    }
-    return bench_.expose(request.exposure_s, request.gain);
-  }
-
-  void stop() noexcept override { armed_.clear(); }
-
- private:
-  SimBench& bench_;
-  std::deque<ExposureRequest> armed_;
-};
 
 class SimLights final : public Lights {
  public:

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <memory>
 #include <optional>
 
@@ -50,6 +51,8 @@ struct SimBenchSettings {
   /// patch are given as the camera sees them.
   Eigen::Matrix3d camera_rgb = Eigen::Matrix3d::Identity();
   std::optional<MonitorPatch> patch{};  ///< on the fixture, Lambertian
+  /// A file that says how the camera fails at the moment (hal/sim/camera_fault.hpp); empty: never.
+  std::filesystem::path camera_fault_file{};
   SimDeviation deviation{};             ///< what geometry and aim_W were made with: for the record
 };
 

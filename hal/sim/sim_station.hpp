@@ -53,7 +53,7 @@ struct SimBenchSettings {
   std::optional<MonitorPatch> patch{};  ///< on the fixture, Lambertian
   /// A file that says how the camera fails at the moment (hal/sim/camera_fault.hpp); empty: never.
   std::filesystem::path camera_fault_file{};
-  SimDeviation deviation{};             ///< what geometry and aim_W were made with: for the record
+  SimDeviation deviation{};  ///< what geometry and aim_W were made with: for the record
 };
 
 /// Bench, camera and lights. A light that was not switched on leaves the frame dark. Deterministic:

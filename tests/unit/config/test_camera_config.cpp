@@ -3,6 +3,7 @@
 #include "config/station_config.hpp"
 #include "support/input_error.hpp"
 #include "support/mutate.hpp"
+#include "support/shipped.hpp"
 #include "support/station_text.hpp"
 #include "support/temp_dir.hpp"
 
@@ -138,4 +139,13 @@ TEST_CASE("How long a setting takes to apply has no default where exposures chan
   const std::string error = input_error(
       [&] { read(dir, replaced(hardware("v4l2", kV4l2), "    control_delay_frames: 3\n", "")); });
   CHECK(contains(error, "(camera.device.control_delay_frames): missing"));
+}
+
+TEST_CASE("The shipped examples of real stations load and survive their own print") {
+  const auto example = GENERATE(as<std::string>{}, "station-v4l2.yaml", "station-pi.yaml");
+  CAPTURE(example);
+  const StationConfig config = read_station_config(brdfgate::test::shipped_file(example));
+  CHECK(config.camera.backend != CameraBackend::simulated);
+  const TempDir dir;
+  CHECK(to_yaml(read(dir, to_yaml(config))) == to_yaml(config));
 }

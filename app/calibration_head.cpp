@@ -2,6 +2,7 @@
 
 #include <yaml-cpp/yaml.h>
 
+#include <algorithm>
 #include <array>
 
 #include "config/sensor_yaml.hpp"
@@ -11,6 +12,7 @@ namespace brdfgate {
 namespace {
 
 constexpr int kMostLights = 8;
+constexpr int kMostResponseBits = 10;  // a table of every count; the station file's limit too
 constexpr const char* kChecksumLine = "\nchecksum: ";
 
 template <typename Numbers>
@@ -187,6 +189,54 @@ void read_white_factor(const YamlNode& root, Calibration& calibration) {
   node.finish();
 }
 
+YAML::Node curve_node(const ToneCurve& curve) {
+  YAML::Node node;
+  node["least"] = curve.least;
+  node["most"] = curve.most;
+  node["log_x"] = flow_list(curve.log_x);
+  node["sigma"] = flow_list(curve.sigma);
+  return node;
+}
+
+/// Channel by channel.
+YAML::Node response_node(const Response& response) {
+  YAML::Node list(YAML::NodeType::Sequence);
+  for (const ToneCurve& curve : response)
+    list.push_back(curve_node(curve));
+  return list;
+}
+
+ToneCurve read_curve(const YamlNode& node, const SensorFormat& sensor) {
+  const int levels = 1 << sensor.bits;
+  ToneCurve curve;
+  curve.least = node.integer("least", 0, levels - 1);
+  curve.most = node.integer("most", curve.least, levels - 1);
+  curve.log_x =
+      node.numbers("log_x", static_cast<std::size_t>(levels), {.least = -100, .most = 100});
+  curve.sigma = node.numbers("sigma", static_cast<std::size_t>(levels),
+                             {.least = 0, .most = 100, .open = true});
+  if (!std::is_sorted(curve.log_x.begin(), curve.log_x.end())) {
+    node.fail_at("log_x", "falls from one count to the next", "rising figures");
+  }
+  node.finish();
+  return curve;
+}
+
+Response read_response(const YamlNode& list, const SensorFormat& sensor) {
+  Response response;
+  if (sensor.bits > kMostResponseBits) {
+    list.fail("a response for " + std::to_string(sensor.bits) + " bits",
+              "at most " + std::to_string(kMostResponseBits));
+  }
+  for (const YamlNode& node : list.items())
+    response.push_back(read_curve(node, sensor));
+  if (static_cast<int>(response.size()) != sensor.channels()) {
+    list.fail(std::to_string(response.size()) + " curves",
+              std::to_string(sensor.channels()) + ", one per colour");
+  }
+  return response;
+}
+
 /// What newer calibrations may say besides.
 void read_optional(const YamlNode& root, Calibration& calibration) {
   read_white_factor(root, calibration);
@@ -197,6 +247,9 @@ void read_optional(const YamlNode& root, Calibration& calibration) {
         root.numbers("monitor_patch_f", 3 * lights, {.least = 0, .most = 10, .open = true});
     for (std::size_t l = 0; l < lights; ++l)
       calibration.patch_f.emplace_back(Eigen::Array3d(&f[3 * l]));
+  }
+  if (root.has("response")) {
+    calibration.response = read_response(root.at("response"), calibration.sensor);
   }
   if (root.has("white_certificate")) {
     const YamlNode node = root.at("white_certificate");
@@ -236,6 +289,9 @@ std::string calibration_head_text(const Calibration& calibration,
       << lights_node(calibration.geometry, calibration.quality, white_scale);
   out << YAML::Key << "white_reflectance" << YAML::Value
       << flow_list(calibration.white_reflectance);
+  if (!calibration.response.empty()) {
+    out << YAML::Key << "response" << YAML::Value << response_node(calibration.response);
+  }
   if (!(calibration.certificate == WhiteCertificate{})) {
     out << YAML::Key << "white_certificate" << YAML::Value
         << certificate_node(calibration.certificate);

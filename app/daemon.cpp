@@ -6,6 +6,7 @@
 #include <cmath>
 #include <ctime>
 
+#include "app/calibration_work.hpp"
 #include "app/device_faults.hpp"
 #include "app/plc/device.hpp"
 #include "app/recipe_file.hpp"
@@ -13,6 +14,7 @@
 #include "config/register_map.hpp"
 #include "hal/gpio/gpio_trigger.hpp"
 #include "model/error.hpp"
+#include "model/reference_upkeep.hpp"
 
 namespace brdfgate {
 namespace {
@@ -27,6 +29,10 @@ constexpr auto kCheckDevicesEvery = 1s;
 constexpr double kWarnShare = 0.5;
 /// A clock before this build's year was never set.
 constexpr std::time_t kClockValidFrom = 1767225600;  // 2026-01-01
+
+bool clock_valid() {
+  return std::time(nullptr) >= kClockValidFrom;
+}
 
 std::chrono::milliseconds seconds(double s) {
   return std::chrono::milliseconds(static_cast<long>(1000 * s));
@@ -121,12 +127,30 @@ void Daemon::choose_recipe(std::uint16_t id) {
   spdlog::info("recipe {} '{}' is in force", id, in_force_->recipe.name);
 }
 
+CalibrationAge Daemon::calibration_age() {
+  CalibrationAge age;
+  age.grace_days = config_.upkeep.grace_days;
+  if (!clock_valid()) return age;
+  age.days_until_due = days_until_due(inspector_.calibration(), config_.upkeep.max_age_days,
+                                      utc_now().substr(0, 10));
+  if (age.due() && !due_told_) {
+    due_told_ = true;
+    spdlog::warn("the calibration was due {} days ago; parts are judged until {} days after",
+                 -*age.days_until_due, age.grace_days);
+  }
+  return age;
+}
+
 void Daemon::announce(StationState state) {
+  const bool due = calibration_age().due();
   StationStatus status;
   trigger_lost_announced_ = trigger_lost_;
   status.error_code = trigger_lost_announced_ ? ErrorCode::trigger_line : device_error_;
   status.state = status.error_code == ErrorCode::none ? state : StationState::error;
-  status.warning_bits = warnings_;
+  status.warning_bits = static_cast<std::uint16_t>(due ? warnings_ | warning_bit::kRecalibrationDue
+                                                       : warnings_.load());
+  status.calibration_due = due;
+  announced_due_ = due;
   status.recipe_id = in_force_ != nullptr ? static_cast<std::uint16_t>(in_force_->recipe.id) : 0;
   status.clusters =
       in_force_ != nullptr ? static_cast<std::uint16_t>(in_force_->recipe.clusters.size()) : 0;
@@ -134,7 +158,7 @@ void Daemon::announce(StationState state) {
   status.channels = static_cast<std::uint16_t>(inspector_.calibration().sensor.channels());
   status.config_hash = config_.hash;
   status.simulated = station_->simulated();
-  status.time_valid = std::time(nullptr) >= kClockValidFrom;
+  status.time_valid = clock_valid();
   gate_.set_station(status);
 }
 
@@ -201,6 +225,10 @@ void Daemon::run(const std::stop_token& stop) {
     ++marks_.judging;
     const PlcCommand command = gate_.wait_for_command(100ms);
     if (const auto* trigger = std::get_if<TriggerAccepted>(&command)) {
+      const CalibrationAge age = calibration_age();
+      cycle_->use(age);
+      // The day may have changed since the last announcement.
+      if (age.due() != announced_due_) announce(StationState::ready);
       cycle_->run(trigger->trigger_id);
       // After the result, and before the PLC has acknowledged it.
       check_devices();

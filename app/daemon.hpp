@@ -40,6 +40,8 @@ class Daemon {
   void announce(StationState state);
   void watch_trigger_line();
   void check_devices();
+  /// Of the calibration today; nothing known while the clock is not set. Logs once when it is due.
+  CalibrationAge calibration_age();
   void keep_house(const std::stop_token& stop);
   void observe(const Inspection& part);
 
@@ -59,6 +61,7 @@ class Daemon {
   ErrorCode device_error_ = ErrorCode::none;
   SteadyTime next_device_check_{};
   FaultLog device_faults_;
+  bool due_told_ = false, announced_due_ = false;
   std::unique_ptr<InspectionCycle> cycle_;
   std::unique_ptr<TcpServer> server_;
   std::unique_ptr<TriggerWatch> trigger_watch_;

@@ -41,10 +41,7 @@ LayeredExr reflectance_image(const Inspection& part) {
 void export_images(const std::filesystem::path& dir, const Capture& capture, const Inspection& part,
                    const Inspector& inspector) {
   const Calibration& calibration = inspector.calibration();
-  Capture levelled = capture;  // shares the counts
-  levelled.sensor = calibration.sensor;
-  LayeredExr radiance = radiance_image(to_radiance(
-      levelled, calibration.noise, static_cast<int>(calibration.geometry.lights_W.size())));
+  LayeredExr radiance = radiance_image(to_radiance(capture, calibration));
   LayeredExr reflectance = reflectance_image(part);
   for (LayeredExr* exr : {&radiance, &reflectance})
     exr->attribute(kHashAttribute, calibration.hash);

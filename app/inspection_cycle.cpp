@@ -57,7 +57,7 @@ CyclePhase InspectionCycle::acquire(std::uint32_t trigger_id) {
 }
 
 CyclePhase InspectionCycle::process() {
-  inspection_ = inspector_.inspect(capture_, recipe_);
+  inspection_ = inspector_.inspect(capture_, recipe_, age_);
   for (const Finding& finding : inspection_.result.findings) {
     if (finding.reason == Reason::hardware) throw LightsError("lights", "frames", finding.text);
   }

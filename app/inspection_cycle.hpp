@@ -32,6 +32,8 @@ class InspectionCycle {
 
   /// The recipe for the parts to come; none: everything is "not judged".
   void use(const RecipeInForce* recipe) { recipe_ = recipe; }
+  /// How old the calibration is, for the parts to come.
+  void use(const CalibrationAge& age) { age_ = age; }
 
   /// One part from trigger to result. Never throws: a fault is logged once per class and published
   /// as "not judged" with its reason and error code.
@@ -51,6 +53,7 @@ class InspectionCycle {
   const CameraConfig camera_;
   Observer observer_;
   const RecipeInForce* recipe_ = nullptr;
+  CalibrationAge age_;
   FaultLog faults_;
 
   /// The part in work.

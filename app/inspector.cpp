@@ -35,22 +35,6 @@ cv::Mat cells_that_are_not_part(const std::vector<Reflectance>& r, const CellGeo
   return outside | fixture_cells(r, fixture);
 }
 
-/// The capture with the sensor as calibrated: its recording holds the datasheet's black level.
-/// Frames share their pixels.
-Capture with_measured_black(const Capture& capture, const SensorFormat& calibrated) {
-  SensorFormat expected = capture.sensor;
-  expected.black_level_dn = calibrated.black_level_dn;
-  if (!(expected == calibrated)) {
-    throw InputError("capture",
-                     std::to_string(capture.sensor.width) + " x " +
-                         std::to_string(capture.sensor.height) + " at " +
-                         std::to_string(capture.sensor.bits) + " bits is another sensor format",
-                     std::to_string(calibrated.width) + " x " + std::to_string(calibrated.height) +
-                         " at " + std::to_string(calibrated.bits) + " bits, as calibrated");
-  }
-  return {calibrated, capture.frames};
-}
-
 /// Per cluster: share of the cells that its taught label covers that have it; 1 where none does.
 std::vector<double> shares_in_place(const Regions& regions, const cv::Mat& taught) {
   std::vector<double> shares;
@@ -344,9 +328,7 @@ void Inspector::to_reflectance(const RadianceSet& radiance, Inspection& part) co
 }
 
 Inspection Inspector::measure(const Capture& capture, const RecipeInForce* recipe) const {
-  const RadianceSet radiance =
-      to_radiance(with_measured_black(capture, calibration_.sensor), calibration_.noise,
-                  static_cast<int>(calibration_.geometry.lights_W.size()));
+  const RadianceSet radiance = to_radiance(capture, calibration_);
   Inspection part;
   to_reflectance(radiance, part);
   part.result.regions = regions_of(part, recipe);
@@ -365,6 +347,7 @@ Inspection Inspector::measure(const Capture& capture, const RecipeInForce* recip
   part.facts.tilt_deg = part.result.tilt_deg;
   part.facts.shift_mm = part.result.shift_mm;
   part.facts.rotation_deg = part.result.rotation_deg;
+  part.result.calibration_hash = calibration_.hash;
   part.result.ambient = part.facts.ambient;
   part.result.clipped = part.facts.clipped;
   part.result.defects = part.facts.defects;
@@ -385,19 +368,22 @@ void Inspector::judge(Inspection& part, const RecipeInForce* recipe) const {
 }
 
 std::string Inspector::light_fault(const Capture& capture) const {
-  const Capture seen = with_measured_black(capture, calibration_.sensor);
+  const Capture seen = levelled(capture, calibration_);
   return brdfgate::light_fault(see_lights(seen, calibration_.sensor.black_level_dn, white_levels_));
 }
 
-Inspection Inspector::inspect(const Capture& capture, const RecipeInForce* recipe) const {
+Inspection Inspector::inspect(const Capture& capture, const RecipeInForce* recipe,
+                              const CalibrationAge& age) const {
   if (const std::string fault = light_fault(capture); !fault.empty()) {
     Inspection blind;
     blind.result.verdict = Verdict::not_judged;
+    blind.result.calibration_hash = calibration_.hash;
     blind.result.reason_bits = bit(Reason::hardware);
     blind.result.findings = {{Reason::hardware, fault}};
     return blind;
   }
   Inspection part = measure(capture, recipe);
+  part.facts.calibration = age;
   judge(part, recipe);
   return part;
 }

@@ -58,8 +58,10 @@ class Inspector {
   /// What is wrong with the lights, told from the frames; empty: they work.
   std::string light_fault(const Capture& capture) const;
 
-  /// Both. Where a light does not work nothing is measured: "not judged", reason hardware.
-  Inspection inspect(const Capture& capture, const RecipeInForce* recipe) const;
+  /// Both. Where a light does not work nothing is measured: "not judged", reason hardware. `age`:
+  /// of the calibration on the day of the capture, where it is known.
+  Inspection inspect(const Capture& capture, const RecipeInForce* recipe,
+                     const CalibrationAge& age = {}) const;
 
   const Basis& basis() const { return *basis_; }
   std::shared_ptr<const Basis> shared_basis() const { return basis_; }

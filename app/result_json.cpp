@@ -115,6 +115,7 @@ json part_to_json(const std::string& recording, const PartResult& r, const Cycle
         cluster_to_json(r.clusters[i], i < brdf_files.size() ? brdf_files[i] : std::string()));
   }
   return {{"recording", recording},
+          {"calibration", r.calibration_hash},
           {"verdict", to_text(r.verdict)},
           {"reasons", std::move(reasons)},
           {"reason_bits", r.reason_bits},

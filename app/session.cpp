@@ -38,6 +38,12 @@ std::filesystem::path default_config() {
   return BRDFGATE_SOURCE_CONFIG;
 }
 
+std::filesystem::path shipped_scenes() {
+  const std::filesystem::path installed = BRDFGATE_INSTALLED_CONFIG;
+  const std::filesystem::path source = BRDFGATE_SOURCE_CONFIG;
+  return (std::filesystem::exists(installed) ? installed : source).parent_path() / "scenes";
+}
+
 void SessionOptions::add_to(CLI::App& command) {
   command.add_option("--config", config, "station file")->default_str(default_config().string());
   command.add_flag("--json", json, "print one JSON document on stdout");
@@ -56,6 +62,14 @@ StationConfig load_config(const SessionOptions& options) {
   if (!options.calibration.empty()) config.files.calibration = options.calibration;
   if (!options.recipe.empty()) config.files.recipes = {options.recipe};
   return config;
+}
+
+void check_calibration_of(const Calibration& calibration, const StationConfig& config) {
+  if (calibration.station_hash == config.station_hash) return;
+  throw InputError(config.files.calibration.string(),
+                   "station_hash " + calibration.station_hash.substr(0, 16) +
+                       " belongs to another sensor or rig",
+                   config.station_hash.substr(0, 16) + " (run brdfgate calibrate)");
 }
 
 Inspector load_inspector(const StationConfig& config) {

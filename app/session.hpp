@@ -42,8 +42,14 @@ struct SessionOptions {
 /// else the simulated station that comes with the programs.
 std::filesystem::path default_config();
 
+/// The folder of the simulated station's scenes that comes with the programs.
+std::filesystem::path shipped_scenes();
+
 /// Reads the configuration and applies the overrides to its files.
 StationConfig load_config(const SessionOptions& options);
+
+/// Throws InputError where the calibration belongs to another station than the configuration's.
+void check_calibration_of(const Calibration& calibration, const StationConfig& config);
 
 /// Opens basis and calibration.
 Inspector load_inspector(const StationConfig& config);

@@ -1,5 +1,6 @@
 #include "app/station.hpp"
 
+#include <cmath>
 #include <set>
 #include <span>
 
@@ -136,6 +137,65 @@ Capture capture_part(Station& station, const CameraConfig& config,
     capture_light(station, light, config, capture);
   station.lights().all_off();
   if (acquired) acquired();
+  return capture;
+}
+
+namespace {
+
+/// Whether the middle of the image is saturated in this exposure.
+bool saturates(Station& station, const CameraConfig& config, double exposure_s) {
+  const SensorFormat sensor = station.camera().format();
+  Capture taken;
+  capture_lit(station, kMeasuringLights, {exposure_s * 1e3}, config, taken);
+  station.lights().all_off();
+  const cv::Mat& counts = taken.frames.front().counts;
+  const cv::Rect middle(counts.cols * 3 / 8, counts.rows * 3 / 8, counts.cols / 4, counts.rows / 4);
+  constexpr double kSaturated = 0.98;  // of the range; noise keeps some pixels under it
+  return cv::mean(counts(middle))[0] - sensor.black_level_dn >
+         kSaturated * (sensor.full_well_dn - sensor.black_level_dn);
+}
+
+/// The exposure in which the middle of the image saturates: doubled until it does, then halved in,
+/// to within a tenth; the longest that the timeout allows where it never does.
+double saturating_exposure_s(Station& station, const CameraConfig& config) {
+  const double longest = 0.9e-3 * config.frame_timeout_ms;
+  double under = 1e-3 * config.bracket_ms.front();
+  while (!saturates(station, config, std::min(2 * under, longest))) {
+    if (2 * under >= longest) return longest;
+    under *= 2;
+  }
+  double over = std::min(2 * under, longest);
+  for (int i = 0; i < 3; ++i) {
+    const double between = std::sqrt(under * over);
+    (saturates(station, config, between) ? over : under) = between;
+  }
+  return over;
+}
+
+std::vector<double> sweep_exposures_ms(double saturating_s, double longest_s, int points) {
+  std::vector<double> out;
+  const double top = std::min(1.3 * saturating_s, longest_s);
+  const int rising = points / 2;
+  for (int i = 0; i < rising; ++i)
+    out.push_back(1e3 * top / 500 * std::pow(500.0 / 8, double(i) / rising));
+  for (int i = 0; i < points - rising; ++i)
+    out.push_back(1e3 * top * (1.0 / 8 + 7.0 / 8 * i / (points - rising - 1)));
+  return out;
+}
+
+}  // namespace
+
+Capture capture_sweep(Station& station, const CameraConfig& config, int points) {
+  const LightsOffAtExit off(station.lights());
+  const double longest = 0.9e-3 * config.frame_timeout_ms;
+  const std::vector<double> exposures_ms =
+      sweep_exposures_ms(saturating_exposure_s(station, config), longest, points);
+  Capture capture{station.camera().format(), {}};
+  for (const double ms : exposures_ms) {
+    capture_lit(station, kMeasuringLights, {ms, ms}, config, capture);
+    station.lights().all_off();  // no LED burns longer than it takes
+  }
+  capture_bracket(station, kNoLight, {exposures_ms.front(), exposures_ms.front()}, config, capture);
   return capture;
 }
 

@@ -46,6 +46,12 @@ std::unique_ptr<Station> open_station(const StationConfig& config);
 Capture capture_part(Station& station, const CameraConfig& config,
                      const std::function<void()>& acquired = {});
 
+/// A photon-transfer sweep of a steady scene under light 2: two equal frames of each of
+/// `points` exposures, half of them rising by a factor, half evenly up to 1.3 times the exposure
+/// that saturates the middle of the image, which is searched for first (up to the frame timeout);
+/// and one pair without light.
+Capture capture_sweep(Station& station, const CameraConfig& config, int points);
+
 /// Every configured exposure with all lights off: a dark recording.
 Capture capture_dark(Station& station, const CameraConfig& config);
 

@@ -181,6 +181,11 @@ Scene read_scene(const fs::path& file) {
   if (root.has("board")) {
     scene.board = static_cast<BoardKind>(root.choice("board", {"checker", "charuco"}));
   }
+  if (root.has("reference")) {
+    const YamlNode reference = root.at("reference");
+    scene.sag_mm = reference.number_or("sag_mm", 0, {-10, 10});
+    reference.finish();
+  }
   scene.lights_on = root.boolean_or("lights_on", scene.lights_on);
   if (root.has("part")) read_part(root.at("part"), scene);
   if (root.has("pose")) scene.pose = read_pose(root.at("pose"));

@@ -19,6 +19,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
+/// A response is a table of every count.
+constexpr int kMostToneCurveBits = 10;
+
 YamlRange between(double least, double most) {
   return {least, most, false};
 }
@@ -87,6 +90,12 @@ CameraConfig read_camera(const YamlNode& node, const fs::path& folder) {
   camera.sensor = read_sensor_format(sensor, "black_level_dn");
   camera.noise.gain_dn_per_e = sensor.number("gain_dn_per_electron", strictly_between(0, 1000));
   camera.noise.read_noise_dn = sensor.number("read_noise_dn", between(0, 1000));
+  camera.tone_curve =
+      sensor.has("response") && sensor.choice("response", {"linear", "tone_curve"}) == 1;
+  if (camera.tone_curve && camera.sensor.bits > kMostToneCurveBits) {
+    sensor.fail_at("response", "a tone curve with " + std::to_string(camera.sensor.bits) + " bits",
+                   "at most " + std::to_string(kMostToneCurveBits) + " bits, or linear");
+  }
   sensor.finish();
   camera.bracket_ms = read_exposures_ms(node, "bracket_ms");
   camera.ambient_ms = read_exposures_ms(node, "ambient_ms");
@@ -189,6 +198,7 @@ SimBenchSettings read_simulator(const YamlNode& node, const fs::path& folder) {
   if (node.has("camera_fault_file")) {
     sim.camera_fault_file = read_path(node.at("camera_fault_file"), folder);
   }
+  sim.gamma = node.number_or("gamma", sim.gamma, between(1, 4));
   if (node.has("deviation")) sim.deviation = read_deviation(node.at("deviation"));
   node.finish();
   return sim;
@@ -237,6 +247,14 @@ InspectionConfig read_inspection(const YamlNode& node, const SensorFormat& senso
   }
   node.finish();
   return inspection;
+}
+
+UpkeepConfig read_upkeep(const YamlNode& node) {
+  UpkeepConfig upkeep;
+  upkeep.max_age_days = node.integer_or("max_age_days", upkeep.max_age_days, 0, 36500);
+  upkeep.grace_days = node.integer_or("grace_days", upkeep.grace_days, 0, 36500);
+  node.finish();
+  return upkeep;
 }
 
 std::string read_address(const YamlNode& node) {
@@ -312,6 +330,7 @@ std::string calibration_inputs(const StationConfig& config) {
   for (const int value : {sensor.width, sensor.height, sensor.bits})
     add(value);
   text += " " + mosaic_name(sensor.mosaic);
+  if (config.camera.tone_curve) text += " tone_curve";
   for (const double value : {sensor.black_level_dn, sensor.full_well_dn})
     add(value);
   for (const double value : {config.rig.camera_deg, config.rig.camera_m, config.rig.fov_deg}) {
@@ -346,6 +365,7 @@ StationConfig read_station_config(const fs::path& file) {
   const YamlNode inspection = root.at("inspection");
   config.inspection = read_inspection(inspection, config.camera.sensor);
   config.judge = read_judge_settings(root.at("judge"));
+  if (root.has("upkeep")) config.upkeep = read_upkeep(root.at("upkeep"));
   config.plc = read_plc(root.at("plc"));
   config.files = read_files(root.at("files"), folder);
   root.finish();

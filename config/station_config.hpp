@@ -31,6 +31,8 @@ struct CameraConfig {
   /// Datasheet values; the calibration's measured ones override them. Gain (0, 1000) DN per
   /// electron, read noise 0..1000 DN.
   SensorNoise noise;
+  /// The camera's counts follow a tone curve (gamma), which the calibration recovers; 8 to 10 bits.
+  bool tone_curve = false;         ///< optional
   std::vector<double> bracket_ms;  ///< exposures under each light, (0, 60000) ms, rising, 1..16
   std::vector<double> ambient_ms;  ///< exposures without light, (0, 60000) ms, rising, 1..16
   double gain = 1;                 ///< analogue, linear, 1..64
@@ -91,6 +93,12 @@ struct PlcConfig {
   double heartbeat_timeout_s = 0;   ///< 0..3600; 0: plc_heartbeat is not watched; optional
 };
 
+/// How long a calibration holds; optional as a whole.
+struct UpkeepConfig {
+  int max_age_days = 0;  ///< 0..36500; 0: until the white reference's certificate ends
+  int grace_days = 30;   ///< 0..36500, after it is due: a warning; then parts are not judged
+};
+
 struct StationConfig {
   std::string name;  ///< for people: 1..100 characters
   CameraConfig camera;
@@ -107,6 +115,7 @@ struct StationConfig {
   std::optional<GpioOutputsSettings> outputs;
   InspectionConfig inspection;
   JudgeSettings judge;  ///< ranges: config/station.yaml
+  UpkeepConfig upkeep;
   PlcConfig plc;
   struct Files {
     std::filesystem::path basis;

@@ -70,6 +70,7 @@ void put_camera(Emitter& out, const CameraConfig& camera) {
     put(out, "full_well_dn", camera.sensor.full_well_dn);
     put(out, "gain_dn_per_electron", camera.noise.gain_dn_per_e);
     put(out, "read_noise_dn", camera.noise.read_noise_dn);
+    put(out, "response", std::string(camera.tone_curve ? "tone_curve" : "linear"));
   });
   put_list(out, "bracket_ms", camera.bracket_ms, number_text);
   put_list(out, "ambient_ms", camera.ambient_ms, number_text);
@@ -141,6 +142,7 @@ void put_simulator(Emitter& out, const SimBenchSettings& sim) {
   if (!sim.camera_fault_file.empty()) {
     put(out, "camera_fault_file", path_text(sim.camera_fault_file));
   }
+  if (sim.gamma != 1) put(out, "gamma", sim.gamma);
   if (!(sim.deviation == SimDeviation{})) {
     put_map(out, "deviation", [&] { put_deviation(out, sim.deviation); });
   }
@@ -215,6 +217,10 @@ std::string to_yaml(const StationConfig& config) {
   put_lines(out, config);
   put_map(out, "inspection", [&] { put_inspection(out, config.inspection); });
   put_map(out, "judge", [&] { put_judge(out, config.judge); });
+  put_map(out, "upkeep", [&] {
+    put(out, "max_age_days", config.upkeep.max_age_days);
+    put(out, "grace_days", config.upkeep.grace_days);
+  });
   put_map(out, "plc", [&] { put_plc(out, config.plc); });
   put_map(out, "files", [&] { put_files(out, config.files); });
   out << YAML::EndMap;

@@ -205,7 +205,7 @@ RadianceSet white_radiance(const Capture& capture, const Calibration& calibratio
   levelled.sensor = calibration.sensor;
   RadianceSet set;
   try {
-    set = to_radiance(levelled, calibration.noise, lights);
+    set = to_radiance(capture, calibration);
   } catch (const InputError& e) {
     throw InputError(name, e.what());
   }
@@ -243,18 +243,56 @@ std::vector<Radiance> mean_white(const CalibrationInput& input, const Calibratio
 
 }  // namespace
 
+DarkLevels measure_darks(const CalibrationInput& input) {
+  if (input.darks.empty()) {
+    throw InputError("darks", "no dark recording", "at least one, with every light off");
+  }
+  check_formats("darks", input.darks, input.darks.front().sensor);
+  check_frames("darks", input.darks, input.nominal);
+  check_darks(input);
+  return {measure_black_level(input.darks), measure_read_noise(input.darks, input.nominal)};
+}
+
+Capture levelled(const Capture& capture, const Calibration& calibration) {
+  SensorFormat expected = capture.sensor;
+  expected.black_level_dn = calibration.sensor.black_level_dn;
+  expected.full_well_dn = calibration.sensor.full_well_dn;
+  if (!(expected == calibration.sensor)) {
+    throw InputError("capture",
+                     std::to_string(expected.width) + " x " + std::to_string(expected.height) +
+                         " at " + std::to_string(expected.bits) + " bits is another sensor format",
+                     std::to_string(calibration.sensor.width) + " x " +
+                         std::to_string(calibration.sensor.height) + " at " +
+                         std::to_string(calibration.sensor.bits) + " bits, as calibrated");
+  }
+  return {calibration.sensor, capture.frames};
+}
+
+RadianceSet to_radiance(const Capture& capture, const Calibration& calibration) {
+  const Capture seen = levelled(capture, calibration);
+  const int lights = static_cast<int>(calibration.geometry.lights_W.size());
+  if (calibration.response.empty()) return to_radiance(seen, calibration.noise, lights);
+  return to_radiance(seen, lights, [&](const std::vector<RawFrame>& bracket) {
+    return merge_bracket(calibration.sensor, calibration.response, bracket);
+  });
+}
+
 Calibration calibrate(const CalibrationInput& input) {
   check_input(input);
-  check_darks(input);
+  const DarkLevels dark = measure_darks(input);
   Calibration out;
   out.sensor = input.darks.front().sensor;
-  out.sensor.black_level_dn = measure_black_level(input.darks);
+  out.sensor.black_level_dn = dark.black_level_dn;
+  if (input.full_well_dn)
+    out.sensor.full_well_dn = std::min(out.sensor.full_well_dn, *input.full_well_dn);
   out.noise = input.nominal;
-  out.noise.read_noise_dn = measure_read_noise(input.darks, input.nominal);
+  out.noise.read_noise_dn = dark.read_noise_dn;
+  if (input.gain_dn_per_e) out.noise.gain_dn_per_e = *input.gain_dn_per_e;
+  out.response = input.response;
   out.geometry = input.geometry;
   out.white_reflectance = input.white_reflectance;
   out.white = mean_white(input, out);
-  if (input.whites.size() >= 2) {
+  if (input.whites.size() >= 2 && !input.gain_dn_per_e && input.response.empty()) {
     std::vector<Capture> levelled = input.whites;
     for (Capture& capture : levelled)
       capture.sensor = out.sensor;

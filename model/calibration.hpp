@@ -10,6 +10,7 @@
 #include "model/frame.hpp"
 #include "model/geometry.hpp"
 #include "model/radiance.hpp"
+#include "model/response.hpp"
 
 namespace brdfgate {
 
@@ -42,8 +43,10 @@ struct WhiteCertificate {
 
 /// Calibration of one station; every result carries its hash.
 struct Calibration {
-  SensorFormat sensor;  ///< black level as measured
+  SensorFormat sensor;  ///< black level as measured; full well too, where a sweep measured it
   SensorNoise noise;    ///< as measured (read noise from darks, gain from white frame pairs)
+  /// Of a camera with a tone curve, in whose chain sensor noise has no part; empty: linear counts.
+  Response response;
   StationGeometry geometry;
   GeometryQuality quality;
   std::array<double, 3> white_reflectance{0.99, 0.99, 0.99};  ///< certified, per channel
@@ -82,7 +85,28 @@ struct CalibrationInput {
   StationGeometry geometry;
   SensorNoise nominal;
   std::array<double, 3> white_reflectance{0.99, 0.99, 0.99};
+  std::optional<double> gain_dn_per_e;  ///< of a photon-transfer sweep, instead of the whites'
+  std::optional<double> full_well_dn;   ///< of the same; the lower of it and the sensor's counts
+  Response response;                    ///< of a camera with a tone curve; no gain is measured then
 };
 Calibration calibrate(const CalibrationInput& input);
+
+/// What the darks tell, checked as calibrate() does: the sensor with its black level, and its read
+/// noise.
+struct DarkLevels {
+  double black_level_dn = 0;
+  double read_noise_dn = 0;
+};
+DarkLevels measure_darks(const CalibrationInput& input);
+
+/// A capture with the sensor as calibrated: its recording holds the datasheet's black level and
+/// full well. Frames share their pixels. Throws InputError for another format than the
+/// calibration's.
+Capture levelled(const Capture& capture, const Calibration& calibration);
+
+/// A capture to radiance with what the calibration knows of the sensor: black level, full well, and
+/// noise or tone curve. Throws InputError for another sensor format than the calibration's, and as
+/// to_radiance(capture, noise, lights) does.
+RadianceSet to_radiance(const Capture& capture, const Calibration& calibration);
 
 }  // namespace brdfgate

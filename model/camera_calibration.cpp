@@ -72,12 +72,12 @@ void check_first_view(const CameraFit& fit, const PinholeCamera& nominal, const 
                    "first a recording of the board flat in the nest, then the tilted ones");
 }
 
-void check_errors(const CameraFit& fit, const std::vector<std::string>& names) {
+void check_errors(const CameraFit& fit, const std::vector<std::string>& names, double worst_rms) {
   for (std::size_t v = 0; v < names.size(); ++v) {
-    if (fit.view_rms_px[v] <= kWorstRms) continue;
+    if (fit.view_rms_px[v] <= worst_rms) continue;
     throw InputError(names[v],
                      "the board fits no pose: reprojection error " + text(fit.view_rms_px[v], "px"),
-                     "under " + text(kWorstRms, "px") +
+                     "under " + text(worst_rms, "px") +
                          ": a flat board with squares of the size given, held still");
   }
 }
@@ -119,7 +119,8 @@ int flags_for(bool intrinsics) {
 }  // namespace
 
 CameraFit fit_camera(const std::vector<BoardView>& views, const SensorFormat& sensor,
-                     const PinholeCamera& nominal, const std::vector<std::string>& names) {
+                     const PinholeCamera& nominal, const std::vector<std::string>& names,
+                     double worst_rms) {
   if (views.empty()) throw InputError("boards", "no view", "at least one, flat in the nest");
   const Correspondences seen = to_opencv(views);
   CameraFit fit;
@@ -143,7 +144,7 @@ CameraFit fit_camera(const std::vector<BoardView>& views, const SensorFormat& se
   }
   add_pose_sigma(fit, outer);
   add_errors(fit, seen, K, D, rotation, translation);
-  check_errors(fit, names);
+  check_errors(fit, names, worst_rms);
   check_first_view(fit, nominal, names[0]);
   if (fit.focal_sigma_px > kWorstFocalSigma * fit.camera.focal_px) {
     throw InputError("boards",

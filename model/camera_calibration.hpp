@@ -30,6 +30,7 @@ inline constexpr std::size_t kLeastViews = 5;
 inline constexpr double kWorstRms = 1.0;     ///< sensor pixels
 inline constexpr double kMostTilt = 0.0873;  ///< 5 degrees
 CameraFit fit_camera(const std::vector<BoardView>& views, const SensorFormat& sensor,
-                     const PinholeCamera& nominal, const std::vector<std::string>& names);
+                     const PinholeCamera& nominal, const std::vector<std::string>& names,
+                     double worst_rms = kWorstRms);
 
 }  // namespace brdfgate

@@ -11,35 +11,11 @@ RadianceSet radiance_of(const NamedCapture& recording, const Calibration& calibr
     throw InputError(recording.name, "another sensor format than the dark recordings",
                      "recordings of one camera in one mode");
   }
-  Capture levelled = recording.capture;  // shares the counts
-  levelled.sensor = calibration.sensor;
   try {
-    return to_radiance(levelled, calibration.noise,
-                       static_cast<int>(calibration.geometry.lights_W.size()));
+    return to_radiance(recording.capture, calibration);
   } catch (const InputError& error) {
     throw InputError(recording.name, error.what());
   }
-}
-
-void place_camera(const GeometryInput& input, Calibration& calibration, GeometryResult& result) {
-  GeometryQuality& quality = calibration.quality;
-  if (input.by_hand.camera) {
-    calibration.geometry.camera = *input.by_hand.camera;
-    quality.camera = {GeometrySource::by_hand, input.by_hand.sigma_m, 0};
-    return;
-  }
-  if (input.boards.empty()) return;
-  std::vector<BoardView> views;
-  std::vector<std::string> names;
-  for (const NamedCapture& board : input.boards) {
-    views.push_back(
-        find_board(radiance_of(board, calibration), calibration.sensor, input.pattern, board.name));
-    names.push_back(board.name);
-  }
-  result.camera = fit_camera(views, calibration.sensor, calibration.geometry.camera, names);
-  calibration.geometry.camera = result.camera->camera;
-  quality.camera = {GeometrySource::fitted, result.camera->position_sigma_m.norm(),
-                    result.camera->rms_px};
 }
 
 std::vector<Highlight> find_highlights(const GeometryInput& input, const Calibration& calibration) {
@@ -97,10 +73,33 @@ void place_lights(const GeometryInput& input, Calibration& calibration, Geometry
 
 }  // namespace
 
+std::optional<CameraFit> calibrate_camera(const GeometryInput& input, Calibration& calibration,
+                                          double worst_rms) {
+  GeometryQuality& quality = calibration.quality;
+  if (input.by_hand.camera) {
+    calibration.geometry.camera = *input.by_hand.camera;
+    quality.camera = {GeometrySource::by_hand, input.by_hand.sigma_m, 0};
+    return std::nullopt;
+  }
+  if (input.boards.empty()) return std::nullopt;
+  std::vector<BoardView> views;
+  std::vector<std::string> names;
+  for (const NamedCapture& board : input.boards) {
+    views.push_back(
+        find_board(radiance_of(board, calibration), calibration.sensor, input.pattern, board.name));
+    names.push_back(board.name);
+  }
+  CameraFit fit =
+      fit_camera(views, calibration.sensor, calibration.geometry.camera, names, worst_rms);
+  calibration.geometry.camera = fit.camera;
+  quality.camera = {GeometrySource::fitted, fit.position_sigma_m.norm(), fit.rms_px};
+  return fit;
+}
+
 GeometryResult calibrate_geometry(const GeometryInput& input, Calibration& calibration) {
   GeometryResult result;
   calibration.quality.lights.resize(calibration.geometry.lights_W.size());
-  place_camera(input, calibration, result);
+  result.camera = calibrate_camera(input, calibration);
   place_lights(input, calibration, result);
   return result;
 }

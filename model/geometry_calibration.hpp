@@ -43,6 +43,12 @@ struct GeometryResult {
   std::vector<Highlight> highlights;
 };
 
+/// The camera alone, from the boards or by hand, into `calibration` (of which sensor, noise or
+/// response and the nominal geometry are used); nothing where there is neither, or by hand.
+/// worst_rms: reprojection error in px, as fit_camera's.
+std::optional<CameraFit> calibrate_camera(const GeometryInput& input, Calibration& calibration,
+                                          double worst_rms = kWorstRms);
+
 /// Fits what the input allows and writes it into `calibration` (geometry and its quality): the
 /// camera with at least one board, the lights from calibration.white once the camera is known by
 /// board or by hand; the rest stays as it was. Throws InputError as find_board, fit_camera and

@@ -69,6 +69,7 @@ class Judge {
     }
     judge_light(facts);
     judge_lamps(facts);
+    judge_calibration(facts.calibration);
     if (recipe_ == nullptr) {
       find(Reason::calibration_or_recipe, "no recipe is in force");
     } else if (recipe_->clusters.empty()) {
@@ -154,6 +155,13 @@ class Judge {
                                       "' is missing from its place: " + percent(facts.in_place[i]) +
                                       " of it shows it");
     return false;
+  }
+
+  void judge_calibration(const CalibrationAge& age) {
+    if (!age.expired()) return;
+    find(Reason::calibration_or_recipe,
+         "the calibration was due " + std::to_string(-*age.days_until_due) +
+             " days ago, over its grace of " + std::to_string(age.grace_days) + " days");
   }
 
   void judge_regions(const PartFacts& facts) {

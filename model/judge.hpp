@@ -13,6 +13,15 @@
 
 namespace brdfgate {
 
+/// How long the calibration still holds, on the day of the part.
+struct CalibrationAge {
+  std::optional<int> days_until_due;  ///< negative: overdue; nothing: no due date, or no clock
+  int grace_days = 0;                 ///< overdue by more: not judged
+
+  bool due() const { return days_until_due && *days_until_due < 0; }
+  bool expired() const { return due() && -*days_until_due > grace_days; }
+};
+
 /// What is known of the part as a whole. A value that could not be had is NaN: "not judged" then.
 struct PartFacts {
   double coverage = 0;       ///< part cells over inspected cells; below min_coverage it is absent
@@ -28,6 +37,7 @@ struct PartFacts {
   /// Per cluster: share of its taught place, as far as seen, that shows it; empty: not known.
   std::vector<double> in_place = {};
   std::string pose_problem = {};  ///< why the taught pose could not be found; empty: it was
+  CalibrationAge calibration = {};
 };
 
 /// In words, per lamp that drifted beyond the limit or of which nothing is known.

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 #include <map>
+#include <optional>
 
 #include "model/error.hpp"
 
@@ -18,29 +19,53 @@ constexpr double kLinearFrom = 0.05, kLinearTo = 0.95;
 
 using Key = std::pair<LightIndex, double>;
 
-cv::Mat middle(const RawFrame& frame) {
+/// Column of the first row's green.
+int green_column(Mosaic mosaic) {
+  return mosaic == Mosaic::rggb || mosaic == Mosaic::bggr ? 1 : 0;
+}
+
+cv::Mat middle(const RawFrame& frame, Mosaic mosaic) {
   const cv::Mat& m = frame.counts;
-  // Even offsets: a mosaic's colours stay where they are.
-  const cv::Rect part(m.cols / 8 * 2, m.rows / 8 * 2, std::max(2, m.cols / 2),
-                      std::max(2, m.rows / 2));
+  // Small: the light falls off over the plate. Even offsets: a mosaic's colours stay where they
+  // are.
+  const cv::Rect part(m.cols * 3 / 16 * 2, m.rows * 3 / 16 * 2, std::max(2, m.cols / 4),
+                      std::max(2, m.rows / 4));
+  const cv::Mat seen = m(part & cv::Rect({}, m.size()));
   cv::Mat out;
-  m(part & cv::Rect({}, m.size())).convertTo(out, CV_32F);
+  if (mosaic == Mosaic::mono) {
+    seen.convertTo(out, CV_32F);
+    return out;
+  }
+  out.create(seen.rows / 2, seen.cols / 2, CV_32FC1);
+  for (int y = 0; y < out.rows; ++y) {
+    const auto* in = seen.ptr<std::uint16_t>(2 * y) + green_column(mosaic);
+    for (int x = 0; x < out.cols; ++x)
+      out.at<float>(y, x) = in[std::ptrdiff_t{2} * x];
+  }
   return out;
 }
 
+/// One exposure's figures with its pixels' spread, which tells whether they are clipped.
+struct Point : SweepPoint {
+  double spread_dn = 0;
+};
+
 /// Temporal variance from the frames' differences in pairs, so that no pattern of the scene counts;
 /// a drift of the light between the two shifts the difference's mean, not its variance.
-SweepPoint point_of(double exposure_s, const std::vector<const RawFrame*>& frames, double black) {
-  SweepPoint point;
+Point point_of(double exposure_s, const std::vector<const RawFrame*>& frames, Mosaic mosaic,
+               double black) {
+  Point point;
   point.exposure_s = exposure_s;
   double pairs = 0;
   for (std::size_t i = 0; i + 1 < frames.size(); i += 2) {
-    const cv::Mat a = middle(*frames[i]);
-    const cv::Mat b = middle(*frames[i + 1]);
+    const cv::Mat a = middle(*frames[i], mosaic);
+    const cv::Mat b = middle(*frames[i + 1], mosaic);
     cv::Scalar mean, deviation;
     cv::meanStdDev(a - b, mean, deviation);
     point.mean_dn += (cv::mean(a)[0] + cv::mean(b)[0]) / 2 - black;
     point.variance_dn2 += deviation[0] * deviation[0] / 2;
+    cv::meanStdDev(a, mean, deviation);
+    point.spread_dn = std::max(point.spread_dn, deviation[0]);
     pairs += 1;
   }
   point.mean_dn /= pairs;
@@ -49,7 +74,7 @@ SweepPoint point_of(double exposure_s, const std::vector<const RawFrame*>& frame
 }
 
 /// The light with the most exposures, its points by exposure.
-std::vector<SweepPoint> points_of(const std::vector<Capture>& sweep, double black) {
+std::vector<Point> points_of(const std::vector<Capture>& sweep, double black) {
   std::map<Key, std::vector<const RawFrame*>> by_setting;
   for (const Capture& capture : sweep) {
     for (const RawFrame& frame : capture.frames) {
@@ -57,11 +82,14 @@ std::vector<SweepPoint> points_of(const std::vector<Capture>& sweep, double blac
         by_setting[{frame.light, frame.exposure_s * frame.gain}].push_back(&frame);
     }
   }
-  std::map<LightIndex, std::vector<SweepPoint>> by_light;
+  const Mosaic mosaic = sweep.empty() ? Mosaic::mono : sweep.front().sensor.mosaic;
+  std::map<LightIndex, std::vector<Point>> by_light;
   for (const auto& [key, frames] : by_setting) {
-    if (frames.size() >= 2) by_light[key.first].push_back(point_of(key.second, frames, black));
+    if (frames.size() >= 2) {
+      by_light[key.first].push_back(point_of(key.second, frames, mosaic, black));
+    }
   }
-  std::vector<SweepPoint> best;
+  std::vector<Point> best;
   for (auto& [light, points] : by_light) {
     if (points.size() > best.size()) best = std::move(points);
   }
@@ -128,11 +156,21 @@ double linearity_percent(const std::vector<SweepPoint>& points, double saturatio
   return 100 * worst;
 }
 
+/// Full well from the brightest frames, where their variance says that they are clipped: it is far
+/// under what shot noise would make. Nothing else.
+std::optional<double> plateau(const std::vector<Point>& points, const Eigen::Vector2d& line) {
+  const Point& last = points.back();
+  constexpr double kCollapsed = 0.25;
+  if (last.variance_dn2 > kCollapsed * (line[0] * last.mean_dn + line[1])) return std::nullopt;
+  return last.mean_dn - 3 * last.spread_dn;
+}
+
 }  // namespace
 
 PhotonTransfer photon_transfer(const std::vector<Capture>& sweep, double black_level_dn) {
   PhotonTransfer out;
-  out.points = points_of(sweep, black_level_dn);
+  const std::vector<Point> points = points_of(sweep, black_level_dn);
+  out.points.assign(points.begin(), points.end());
   const double range =
       sweep.empty() ? 1 : sweep.front().sensor.full_well_dn - sweep.front().sensor.black_level_dn;
   check(out.points, range);
@@ -143,8 +181,9 @@ PhotonTransfer photon_transfer(const std::vector<Capture>& sweep, double black_l
   const Eigen::Vector2d line = variance_line(out.points, top->mean_dn);
   out.gain_dn_per_e = line[0];
   out.read_noise_dn = std::sqrt(std::max(0.0, line[1] - kQuantisation));
-  out.full_well_dn = top->mean_dn + black_level_dn;
-  out.saturation_e = top->mean_dn / out.gain_dn_per_e;
+  const double saturation = plateau(points, line).value_or(top->mean_dn);
+  out.full_well_dn = saturation + black_level_dn;
+  out.saturation_e = saturation / out.gain_dn_per_e;
   out.linearity_percent = linearity_percent(out.points, top->mean_dn);
   if (!(out.gain_dn_per_e > 0)) {
     throw InputError("photon-transfer sweep", "its noise does not grow with the signal",

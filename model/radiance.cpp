@@ -39,7 +39,7 @@ void check_lights(const Capture& capture, int lights) {
   }
 }
 
-Radiance merge_light(const Capture& capture, const SensorNoise& noise, LightIndex light) {
+Radiance merge_light(const Capture& capture, const BracketMerge& merge, LightIndex light) {
   const std::vector<RawFrame> frames = frames_under(capture, light);
   if (frames.empty()) {
     const std::string name = light == kNoLight ? "the ambient frame"
@@ -48,7 +48,7 @@ Radiance merge_light(const Capture& capture, const SensorNoise& noise, LightInde
                      light == kNoLight ? "at least one frame with every light off"
                                        : "at least one frame under each light");
   }
-  return merge_bracket(capture.sensor, noise, frames);
+  return merge(frames);
 }
 
 }  // namespace
@@ -82,11 +82,17 @@ Radiance subtract_ambient(const Radiance& lit, const Radiance& ambient) {
 }
 
 RadianceSet to_radiance(const Capture& capture, const SensorNoise& noise, int lights) {
+  return to_radiance(capture, lights, [&](const std::vector<RawFrame>& bracket) {
+    return merge_bracket(capture.sensor, noise, bracket);
+  });
+}
+
+RadianceSet to_radiance(const Capture& capture, int lights, const BracketMerge& merge) {
   check_lights(capture, lights);
   RadianceSet set;
-  set.ambient = merge_light(capture, noise, kNoLight);
+  set.ambient = merge_light(capture, merge, kNoLight);
   for (LightIndex light = 1; light <= lights; ++light) {
-    set.lights.push_back(subtract_ambient(merge_light(capture, noise, light), set.ambient));
+    set.lights.push_back(subtract_ambient(merge_light(capture, merge, light), set.ambient));
   }
   return set;
 }

@@ -2,6 +2,7 @@
 // linear sensor).
 #pragma once
 
+#include <functional>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -45,5 +46,9 @@ struct RadianceSet {
   std::vector<Radiance> lights;  ///< [0] is light 1
 };
 RadianceSet to_radiance(const Capture& capture, const SensorNoise& noise, int lights);
+
+/// The same with another way to merge one bracket.
+using BracketMerge = std::function<Radiance(const std::vector<RawFrame>&)>;
+RadianceSet to_radiance(const Capture& capture, int lights, const BracketMerge& merge);
 
 }  // namespace brdfgate

@@ -111,4 +111,15 @@ std::optional<int> days_until_due(const WhiteCertificate& certificate, const std
   return static_cast<int>((*parsed(certificate.due) - *parsed(today)).count());
 }
 
+std::optional<int> days_until_due(const Calibration& calibration, int max_age_days,
+                                  const std::string& today) {
+  std::optional<int> days = days_until_due(calibration.certificate, today);
+  if (max_age_days <= 0) return days;
+  const std::string made = calibration.created.substr(0, 10);
+  check_date(made, "calibration's date");
+  check_date(today, "today");
+  const int left = max_age_days - static_cast<int>((*parsed(today) - *parsed(made)).count());
+  return days ? std::min(*days, left) : left;
+}
+
 }  // namespace brdfgate

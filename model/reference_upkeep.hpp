@@ -26,4 +26,10 @@ void check_date(const std::string& date, const std::string& where);
 /// Both dates must be valid.
 std::optional<int> days_until_due(const WhiteCertificate& certificate, const std::string& today);
 
+/// The same of a calibration, which is due when its certificate ends or when it is older than
+/// `max_age_days` (0: any age will do), whichever comes first. Throws InputError where a date that
+/// counts does not exist.
+std::optional<int> days_until_due(const Calibration& calibration, int max_age_days,
+                                  const std::string& today);
+
 }  // namespace brdfgate

@@ -24,12 +24,13 @@ int count_at(const cv::Mat& image, int row, int column) {
                                 : image.at<std::uint16_t>(row, column);
 }
 
-void check(const std::vector<cv::Mat>& images, const std::vector<double>& times_s, int levels) {
-  if (images.size() < 2 || images.size() != times_s.size()) {
+void check(const std::vector<cv::Mat>& images, const std::vector<double>& times_s, int levels,
+           std::size_t least_images) {
+  if (images.size() < least_images || images.size() != times_s.size()) {
     throw InputError("bracket",
                      std::to_string(images.size()) + " images with " +
                          std::to_string(times_s.size()) + " exposure times",
-                     "at least 2 images, each with its time");
+                     "at least " + std::to_string(least_images) + " images, each with its time");
   }
   for (std::size_t j = 0; j < images.size(); ++j) {
     const std::string where = "bracket[" + std::to_string(j) + "]";
@@ -50,6 +51,9 @@ void check(const std::vector<cv::Mat>& images, const std::vector<double>& times_
       throw InputError(where, "exposure " + std::to_string(times_s[j]) + " s", "over 0");
     }
   }
+}
+
+void check_times_differ(const std::vector<double>& times_s) {
   const auto [least, most] = std::minmax_element(times_s.begin(), times_s.end());
   if (!(*most > *least)) {
     throw InputError("bracket", "every exposure has the same time", "times that differ");
@@ -267,11 +271,15 @@ void set_sigma(const Scatter& found, ToneCurve& curve) {
 ToneCurve first_guess(const ToneCurveSettings& settings) {
   const int n = settings.levels;
   ToneCurve curve;
-  curve.least = std::max(1, static_cast<int>(std::ceil(settings.margin * (n - 1))));
-  curve.most = n - 1 - curve.least;
+  const double top = settings.top > 0 ? settings.top : n - 1;
+  const double margin = std::max(1.0, settings.margin * (top - settings.black));
+  curve.least = static_cast<int>(std::ceil(settings.black + margin));
+  curve.most = static_cast<int>(std::floor(top - margin));
+  const double middle = (settings.black + top + 1) / 2;
   for (int z = 0; z < n; ++z) {
-    const double hat = std::min(z, n - 1 - z) + 1.0;
-    curve.log_x.push_back(std::log((z + 0.5) / (0.5 * n + 0.5)));
+    const double hat = std::max(0.0, std::min(z - settings.black, top - z)) + 1.0;
+    curve.log_x.push_back(std::log(std::max(z - settings.black, 0.0) + 0.5) -
+                          std::log(middle - settings.black));
     curve.sigma.push_back(0.02 * n / hat);
   }
   return curve;
@@ -281,7 +289,8 @@ ToneCurve first_guess(const ToneCurveSettings& settings) {
 
 ToneCurve recover_tone_curve(const std::vector<cv::Mat>& images, const std::vector<double>& times_s,
                              const ToneCurveSettings& settings) {
-  check(images, times_s, settings.levels);
+  check(images, times_s, settings.levels, 2);
+  check_times_differ(times_s);
   const std::vector<double> log_times = logs(times_s);
   ToneCurve curve = first_guess(settings);
   const std::vector<cv::Point> chosen = choose_pixels(images, curve);
@@ -316,7 +325,7 @@ ToneCurve recover_tone_curve(const std::vector<cv::Mat>& images, const std::vect
 
 Radiance merge_toned(const std::vector<cv::Mat>& images, const std::vector<double>& times_s,
                      const ToneCurve& curve) {
-  check(images, times_s, curve.levels());
+  check(images, times_s, curve.levels(), 1);
   const std::vector<double> log_times = logs(times_s);
   Radiance out;
   out.value.create(images[0].size(), CV_32FC1);

@@ -22,7 +22,9 @@ struct ToneCurve {
 
 struct ToneCurveSettings {
   int levels = 256;         ///< counts 0..levels - 1
-  double margin = 0.02;     ///< share of the counts at each end taken as clipped
+  double margin = 0.02;     ///< share of the range at each end taken as clipped
+  double black = 0;         ///< where the range begins
+  double top = 0;           ///< where it ends; 0: at the last count
   double smoothness = 100;  ///< weight of g'' against one well exposed sample per count
 };
 
@@ -34,9 +36,10 @@ struct ToneCurveSettings {
 ToneCurve recover_tone_curve(const std::vector<cv::Mat>& images, const std::vector<double>& times_s,
                              const ToneCurveSettings& settings = {});
 
-/// Radiance (X per second) with variance: the mean of X_j / t_j with weights of inverse variance,
-/// sigma taken at the count that the estimate predicts, iterated. Mask: kClipped where every sample
-/// is above `most`, kNoiseFloor where every one is below `least`; both where samples jump across.
+/// One image or more. Radiance (X per second) with variance: the mean of X_j / t_j with weights of
+/// inverse variance, sigma taken at the count that the estimate predicts, iterated. Mask: kClipped
+/// where every sample is above `most`, kNoiseFloor where every one is below `least`; both where
+/// samples jump across.
 Radiance merge_toned(const std::vector<cv::Mat>& images, const std::vector<double>& times_s,
                      const ToneCurve& curve);
 

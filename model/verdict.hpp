@@ -124,6 +124,7 @@ struct ClusterResult {
 
 struct PartResult {
   Verdict verdict = Verdict::none;
+  std::string calibration_hash;  ///< of the calibration it was measured with
   std::vector<Finding> findings;
   ReasonBits reason_bits = 0;
   double t2_ratio = 0;  ///< largest T^2 over its limit

@@ -1,6 +1,7 @@
 // brdfgate simulate and capture: parts into recordings.
 #include <fmt/core.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "app/calibration_file.hpp"
@@ -19,8 +20,16 @@ struct CaptureOptions {
   std::filesystem::path out;
   int parts = 1;
   std::uint64_t seed = 0;
-  bool seed_given = false;
+  std::string role;  ///< empty: the scene's, or a part's
+  int sweep_points = 24;
 };
+
+const std::vector<std::string> kRoles{"part",  "white",  "dark",  "ptc",
+                                      "board", "mirror", "black", "chart"};
+
+RecordingRole role_named(const std::string& name) {
+  return static_cast<RecordingRole>(std::find(kRoles.begin(), kRoles.end(), name) - kRoles.begin());
+}
 
 RecordingRole role_of(const Scene& scene) {
   if (!scene.lights_on) return RecordingRole::dark;
@@ -49,6 +58,18 @@ std::string calibration_in_force(const StationConfig& config) {
   return read_calibration(config.files.calibration).hash;
 }
 
+Capture capture_as(RecordingRole role, Station& station, const CaptureOptions& options,
+                   const CameraConfig& camera) {
+  switch (role) {
+    case RecordingRole::dark:
+      return capture_dark(station, camera);
+    case RecordingRole::ptc:
+      return capture_sweep(station, camera, options.sweep_points);
+    default:
+      return capture_part(station, camera);
+  }
+}
+
 void record_parts(const CaptureOptions& options, const StationConfig& config, RecordingRole role) {
   const auto station = open_station(config);
   const std::string calibration =
@@ -61,8 +82,7 @@ void record_parts(const CaptureOptions& options, const StationConfig& config, Re
     recording.role = role;
     recording.station_hash = config.station_hash;
     recording.calibration_hash = calibration;
-    recording.capture = role == RecordingRole::dark ? capture_dark(*station, config.camera)
-                                                    : capture_part(*station, config.camera);
+    recording.capture = capture_as(role, *station, options, config.camera);
     const auto dir = options.out / fmt::format("part_{:04}", i + 1);
     write_recording(dir, recording);
     written.push_back(dir.string());
@@ -80,6 +100,14 @@ void add_common(CLI::App& command, CaptureOptions& options) {
   options.session.add_to(command);
   command.add_option("--out", options.out, "folder for the recordings")->required();
   command.add_option("--parts", options.parts, "how many")->check(CLI::Range(1, 9999));
+  command
+      .add_option(
+          "--role", options.role,
+          "what the recordings are for; ptc: a photon-transfer sweep of the white reference")
+      ->check(CLI::IsMember(kRoles));
+  command
+      .add_option("--sweep-points", options.sweep_points, "exposures of a photon-transfer sweep")
+      ->check(CLI::Range(8, 200));
 }
 
 }  // namespace
@@ -96,7 +124,9 @@ void add_simulate(CLI::App& tool, int& exit_code) {
     StationConfig config = load_config(options->session);
     config.camera.scenes = {options->scene};
     if (seed->count() > 0) config.camera.seed = options->seed;
-    record_parts(*options, config, role_of(read_scene(options->scene)));
+    record_parts(
+        *options, config,
+        options->role.empty() ? role_of(read_scene(options->scene)) : role_named(options->role));
     exit_code = kExitYes;
   });
 }
@@ -106,7 +136,8 @@ void add_capture(CLI::App& tool, int& exit_code) {
   CLI::App* command = tool.add_subcommand("capture", "capture parts with the configured camera");
   add_common(*command, *options);
   command->callback([options, &exit_code] {
-    record_parts(*options, load_config(options->session), RecordingRole::part);
+    record_parts(*options, load_config(options->session),
+                 options->role.empty() ? RecordingRole::part : role_named(options->role));
     exit_code = kExitYes;
   });
 }

@@ -39,6 +39,7 @@ void check_settings(const SimBenchSettings& s) {
   require(s.led_radius_m >= 0, "simulator.led_radius_mm", s.led_radius_m * 1e3, "at least 0");
   require(s.light_rise_s >= 0, "simulator.light_rise_ms", s.light_rise_s * 1e3, "at least 0");
   require(s.light_settle_s >= 0, "lights.settle_ms", s.light_settle_s * 1e3, "at least 0");
+  require(s.gamma > 0, "simulator.gamma", s.gamma, "over 0");
   require(s.white_exposure_s > 0, "simulator.white_exposure_ms", s.white_exposure_s * 1e3,
           "over 0");
   require(s.geometry.camera.focal_px > 0, "rig.camera: focal length in pixels",

@@ -96,8 +96,13 @@ Arrival arrival(const PlaneView& view, const Vector3d& emitter, const Vector3d& 
 /// Mean over the emitter of f times geometry at one point.
 Rgb reflected(const PartSurface& part, const PlaneView& view, const Vector3d& p, double reach) {
   const Vector3d wo = (view.eye - p).normalized();
+  const double slope = part.flat() ? 0 : part.slope(p.head<2>());
   const auto from = [&](const Arrival& a, const HalfDiff& angles) -> Rgb {
-    return a.geometry * part.f(p.head<2>(), angles);
+    const Rgb flat = a.geometry * part.f(p.head<2>(), angles);
+    if (slope == 0) return flat;
+    // The normal is (-slope, 0, 1): cos_i changes, and a Lambertian's f does not.
+    const double cos_i = (a.wi.z() - slope * a.wi.x()) / std::hypot(1, slope);
+    return flat * (std::max(0.0, cos_i) / a.wi.z());
   };
   const Arrival centre = arrival(view, view.emitter[0], p);
   if (centre.geometry <= 0) return Rgb::Zero();

@@ -171,6 +171,8 @@ PartSurface::PartSurface(const Scene& scene, const BrdfChange& variation) : targ
       return;
     case SceneTarget::white:
       add_material(lambert(sim_target::kWhiteReflectance), {});
+      add_defects(scene);
+      sag_m_ = kMm * scene.sag_mm;
       return;
     case SceneTarget::black:
       add_material(lambert(sim_target::kBlackReflectance), {});

@@ -14,6 +14,7 @@ namespace brdfgate {
 /// The calibration targets. All are plates larger than the field of view, in the part's plane.
 namespace sim_target {
 inline constexpr double kWhiteReflectance = 0.99;  ///< Lambertian, as Spectralon's nominal
+inline constexpr double kSagLengthM = 0.09;        ///< over which a bent white plate sags
 inline constexpr double kBlackReflectance = 0.005;
 /// Polished black glass, n = 1.567 (the gloss standard of ISO 2813): f0 = ((n - 1) / (n + 1))^2.
 /// With this roughness its highlight stays under full well in the shortest default exposure.
@@ -52,7 +53,7 @@ Eigen::Isometry3d part_pose(const ScenePose& pose);
 /// lobe keeps its energy: see BrdfChange); scratch doubles the roughness along a line parallel to
 /// the part's x, 0.3 mm wide and size_mm long, whatever its strength; dust is a Lambertian speck
 /// of reflectance 0.3, whatever its strength. Later ones lie on top of earlier ones. A part's back
-/// has one material and no defects.
+/// has one material and no defects. The white plate takes defects too: dirt and shadow are stains.
 class PartSurface {
  public:
   /// Throws InputError: a part without materials, mask of a foreign type or beyond the materials, a
@@ -61,6 +62,12 @@ class PartSurface {
 
   /// Whether the surface reaches to this point of its plane; beyond it one sees the fixture.
   bool covers(const Eigen::Vector2d& p_P) const;
+  /// Slope of the surface along its x (dz/dx) at a point: of a bent white plate, else 0. The
+  /// plate's points stay in its plane: at these slopes only the normal matters.
+  double slope(const Eigen::Vector2d& p_P) const {
+    return -8 * sag_m_ * p_P.x() / (sim_target::kSagLengthM * sim_target::kSagLengthM);
+  }
+  bool flat() const { return sag_m_ == 0; }
   /// f in 1/sr at a point.
   Rgb f(const Eigen::Vector2d& p_P, const HalfDiff& angles) const;
   /// Share of a uniform environment's light that leaves toward the camera: the reflectance of
@@ -97,6 +104,7 @@ class PartSurface {
 
   SceneTarget target_;
   bool present_ = true;
+  double sag_m_ = 0;
   Eigen::Vector2d size_m_ = Eigen::Vector2d::Zero();  ///< of a part
   cv::Mat regions_;
   cv::Mat board_;  ///< CV_8UC1 of the board's pattern, row 0 at its highest y

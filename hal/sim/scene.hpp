@@ -43,6 +43,7 @@ struct SceneDefect {
 struct Scene {
   SceneTarget target = SceneTarget::part;
   BoardKind board = BoardKind::checker;  ///< what is printed on the board
+  double sag_mm = 0;  ///< white target: how far the plate bends along x over 90 mm, its ends lower
   bool lights_on = true;
   std::array<double, 2> part_size_mm{80, 80};
   bool present = true;

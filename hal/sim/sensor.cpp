@@ -9,6 +9,7 @@
 namespace brdfgate {
 namespace {
 
+constexpr float kToe = 0.01F;  // share of the range that keeps a tone curve's slope finite at black
 constexpr float kPoissonLimit = 50;  // electrons; from here on the normal law stands in
 
 /// 1 / k for the inversion's steps; 200 is far beyond any quantile that it can be asked for.
@@ -74,9 +75,15 @@ cv::Mat SimSensor::expose(const cv::Mat& rate_e_s, const Exposure& exposure) con
   const auto black = static_cast<float>(sensor.black_level_dn);
   const auto top = static_cast<float>(
       std::min(std::floor(sensor.full_well_dn), std::ldexp(1.0, sensor.bits) - 1));
+  const auto exponent = static_cast<float>(1 / settings_.gamma);
+  const float toe = std::pow(kToe, exponent), end = std::pow(1 + kToe, exponent);
   const auto count = [&](float electrons, float read) {
-    return cv::saturate_cast<std::uint16_t>(
-        std::clamp(black + dn_per_e * electrons + read, 0.0F, top));
+    float signal = dn_per_e * electrons + read;
+    if (exponent != 1) {
+      const float share = std::max(signal / (top - black) + kToe, 0.0F);
+      signal = (top - black) * (std::pow(share, exponent) - toe) / (end - toe);
+    }
+    return cv::saturate_cast<std::uint16_t>(std::clamp(black + signal, 0.0F, top));
   };
   cv::Mat counts(rate_e_s.size(), CV_16UC1);
   cv::parallel_for_(cv::Range(0, counts.rows), [&](const cv::Range& rows) {

@@ -11,8 +11,10 @@ namespace brdfgate {
 /// A linear sensor (EMVA 1288): electrons = rate * exposure + dark current, Poisson noise; count =
 /// black level + gain * (gain_dn_per_e * electrons + read noise), rounded, clipped at full well and
 /// at the ADC's end. The read noise is referred to the sensor's input: it grows with the analogue
-/// gain. Poisson counts over 50 are drawn from the normal law of the same mean and variance.
-/// No fixed pattern: every pixel has the same black level, gain and dark current.
+/// gain. With a gamma the share x of the range over black becomes ((x + e)^(1 / gamma) - e^(1 /
+/// gamma)) / ((1 + e)^(1 / gamma) - e^(1 / gamma)), e = 0.01, before rounding. Poisson counts over
+/// 50 are drawn from the normal law of the same mean and variance. No fixed pattern: every pixel
+/// has the same black level, gain and dark current.
 class SimSensor {
  public:
   /// Keeps a reference to the settings.

@@ -39,6 +39,8 @@ struct SimBenchSettings {
   double line_time_s = 14.8e-6;  ///< exposures are whole lines, at least one
   double vignetting =
       0.15;  ///< loss of signal at the image's corner, growing with the square of the radius
+  double gamma = 1;  ///< a tone curve after the sensor: count over black, share of the range, to 1
+                     ///< / gamma
   StationGeometry geometry;              ///< true positions
   std::vector<Eigen::Vector3d> aim_W{};  ///< where each light points; empty: the origin
   double led_radius_m = 0.0005;          ///< emitter's disc

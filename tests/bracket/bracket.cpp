@@ -62,18 +62,37 @@ std::vector<cv::Mat> channel(const Bracket& bracket, int c) {
 
 using Halves = std::array<cv::Mat, 2>;  // CV_32FC3 each
 
+/// What the merge claims: unmasked, and a relative standard deviation.
+using Claims = std::array<std::array<cv::Mat, 3>, 2>;  // CV_32FC1 by half and channel, -1 masked
+
 /// Response from `from`, both halves merged with it.
-Halves ours(const std::array<Bracket, 2>& halves, const std::array<const Bracket*, 2>& from) {
+Halves ours(const std::array<Bracket, 2>& halves, const std::array<const Bracket*, 2>& from,
+            Claims* claims = nullptr) {
   Halves out;
   for (std::size_t h = 0; h < 2; ++h) {
     std::vector<cv::Mat> planes(3);
     for (int c = 0; c < 3; ++c) {
+      const auto i = static_cast<std::size_t>(c);
       const ToneCurve curve = recover_tone_curve(channel(*from[h], c), from[h]->times_s);
-      planes[static_cast<std::size_t>(c)] =
-          merge_toned(channel(halves[h], c), halves[h].times_s, curve).value;
+      const Radiance merged = merge_toned(channel(halves[h], c), halves[h].times_s, curve);
+      planes[i] = merged.value;
+      if (claims == nullptr) continue;
+      cv::Mat& relative = (*claims)[h][i];
+      cv::sqrt(merged.variance, relative);
+      relative /= merged.value;
+      relative.setTo(-1, merged.mask != 0);
     }
     cv::merge(planes, out[h]);
   }
+  return out;
+}
+
+/// Pixels, per channel, of which both halves claim to know the radiance within `sigma`.
+std::array<cv::Mat, 3> known_within(const Claims& claims, double sigma) {
+  std::array<cv::Mat, 3> out;
+  for (std::size_t c = 0; c < 3; ++c)
+    out[c] =
+        (claims[0][c] >= 0) & (claims[0][c] < sigma) & (claims[1][c] >= 0) & (claims[1][c] < sigma);
   return out;
 }
 
@@ -148,6 +167,10 @@ Agreement agreement(const Halves& radiance, const std::array<Bracket, 2>& halves
 }
 
 void print(const char* name, Agreement found) {
+  if (found.log2_ratio.empty()) {
+    std::printf("  %-42s %8d\n", name, 0);
+    return;
+  }
   std::printf("  %-42s %8zu %8.4f %8.4f\n", name, found.log2_ratio.size(), found.at(0.5),
               found.at(0.95));
 }
@@ -157,8 +180,9 @@ int run(const std::string& folder) {
   const std::array<Bracket, 2> halves{half(whole, 0), half(whole, 1)};
   const std::array<const Bracket*, 2> one{&whole, &whole};
   const std::array<const Bracket*, 2> own{&halves[0], &halves[1]};
+  Claims claims;
   const std::array<std::pair<const char*, Halves>, 4> methods{{
-      {"brdfgate, response of the whole bracket", ours(halves, one)},
+      {"brdfgate, response of the whole bracket", ours(halves, one, &claims)},
       {"brdfgate, each half its own response", ours(halves, own)},
       {"OpenCV Debevec, response of the whole", opencv(halves, one)},
       {"OpenCV Debevec, each half its own", opencv(halves, own)},
@@ -175,6 +199,11 @@ int run(const std::string& folder) {
         print(name,
               agreement(radiance, halves, margin, only_flat ? flat : std::array<cv::Mat, 3>{}));
     }
+  }
+  for (const double sigma : {0.2, 0.1, 0.07, 0.05}) {
+    std::printf("where both halves are unclipped and claim a sigma under %g:\n", sigma);
+    for (const auto& [name, radiance] : methods)
+      print(name, agreement(radiance, halves, 1, known_within(claims, sigma)));
   }
   return 0;
 }

@@ -2,6 +2,7 @@
 """The shipped daemon and independent Modbus clients.    test_daemon.py PROGRAMS FOLDER"""
 import contextlib
 import json
+import os
 import pathlib
 import re
 import select
@@ -25,11 +26,12 @@ def daemon(name, *more):
     try:
         log = ""
         while "Modbus TCP on" not in log:
+            # Unbuffered: select does not see lines that a buffer has read ahead.
             ready, _, _ = select.select([process.stderr], [], [], 60)
-            line = process.stderr.readline() if ready else ""
-            if not line:
+            text = os.read(process.stderr.fileno(), 65536).decode() if ready else ""
+            if not text:
                 raise AssertionError(f"the daemon did not come up: {log}")
-            log += line
+            log += text
         yield process, int(re.search(r"Modbus TCP on \S+:(\d+)", log).group(1))
     finally:
         process.send_signal(signal.SIGTERM)

@@ -29,8 +29,8 @@ Calibration parsed(const std::string& text) {
 
 TEST_CASE("a calibration without a fitted geometry says nothing that old files did not") {
   const std::string text = text_of(plain());
-  for (const char* key :
-       {"source", "distortion", "certificate", "stray", "monitor", "colour", "white_factor"})
+  for (const char* key : {"source", "distortion", "certificate", "stray", "monitor", "colour",
+                          "white_factor", "response"})
     CHECK_THAT(text, !Catch::Contains(key));
 }
 
@@ -63,6 +63,33 @@ TEST_CASE("lens, sources, certificate and stray light come back from a head") {
   REQUIRE(r.patch_f.size() == 2);
   CHECK((r.patch_f[1] == c.patch_f[1]).all());
   CHECK(text_of(r) == text_of(c));
+}
+
+TEST_CASE("a tone curve comes back from a head, and one of another sensor is refused") {
+  Calibration c = plain();
+  c.sensor.bits = 8;
+  c.sensor.full_well_dn = 255;
+  ToneCurve curve;
+  curve.least = 3;
+  curve.most = 250;
+  for (int z = 0; z < 256; ++z) {
+    curve.log_x.push_back(0.01 * z - 1.234567);
+    curve.sigma.push_back(0.01 + 1e-6 * z);
+  }
+  c.response = {curve, curve, curve};
+  c.response[2].least = 5;
+  const Calibration r = parsed(text_of(c));
+  REQUIRE(r.response.size() == 3);
+  CHECK(r.response[1].log_x == curve.log_x);
+  CHECK(r.response[1].sigma == curve.sigma);
+  CHECK(r.response[2].least == 5);
+  CHECK(r.response[0].most == 250);
+  CHECK(text_of(r) == text_of(c));
+  c.response.pop_back();
+  CHECK_THAT(test::input_error([&] { return parsed(text_of(c)); }), Catch::Contains("2 curves"));
+  c.response.push_back(curve);
+  std::swap(c.response[0].log_x[7], c.response[0].log_x[9]);
+  CHECK_THAT(test::input_error([&] { return parsed(text_of(c)); }), Catch::Contains("falls from"));
 }
 
 TEST_CASE("a head's new fields are checked like its old ones") {

@@ -112,6 +112,8 @@ TEST_CASE("What a scene file leaves out is as documented") {
   CHECK(scene.changes.empty());
   CHECK(scene.sensor.noise);
   CHECK(read_scene(dir.write("w.yaml", "target: white")).materials.empty());
+  CHECK(read_scene(dir.write("w.yaml", "target: white")).sag_mm == 0);
+  CHECK(read_scene(dir.write("b.yaml", "target: white\nreference: {sag_mm: 1.5}")).sag_mm == 1.5);
 }
 
 TEST_CASE("Every shipped scene loads and shows what its name says") {

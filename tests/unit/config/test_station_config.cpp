@@ -96,6 +96,11 @@ TEST_CASE("Every rule of the station file complains at its place with its path")
       {"full_well_dn: 1023", "full_well_dn: 0", "0\n", "camera.sensor.full_well_dn", "above 0"},
       {"gain_dn_per_electron: 0.0963", "gain_dn_per_electron: 0", "0\n",
        "camera.sensor.gain_dn_per_electron", "above 0"},
+      {"read_noise_dn: 0.3", "read_noise_dn: 0.3\n    response: gamma", "gamma",
+       "camera.sensor.response", "one of linear, tone_curve"},
+      {"bits: 10\n    mosaic: rggb", "bits: 12\n    response: tone_curve\n    mosaic: rggb",
+       "tone_curve", "camera.sensor.response", "at most 10 bits"},
+      {"plc:", "upkeep: {grace_days: -1}\nplc:", "-1}", "upkeep.grace_days", "0..36500"},
       {"read_noise_dn: 0.3", "read_noise_dn: -1", "-1", "camera.sensor.read_noise_dn", "0..1000"},
       {"[0.03, 0.4, 5, 60]", "[0.03, 5, 5, 60]", "5, 60", "camera.bracket_ms[2]",
        "5 after 5; expected rising exposures"},
@@ -251,6 +256,9 @@ TEST_CASE("The resolved configuration reads back to the same values from another
   text = replaced(text, "line_time_us: 14.8", "line_time_us: 14.7654321");
   text = replaced(text, "word_order: abcd", "word_order: cdab");
   text = replaced(text, "colour: linear_srgb_d65", "colour: none");
+  text = replaced(text, "read_noise_dn: 0.3", "read_noise_dn: 0.3\n    response: tone_curve");
+  text = replaced(text, "vignetting: 0.15", "vignetting: 0.15\n  gamma: 2.2");
+  text = replaced(text, "plc:", "upkeep: {max_age_days: 180, grace_days: 3}\nplc:");
   const StationConfig first = read_text(dir, text);
   const std::string yaml = to_yaml(first);
   const StationConfig second = read_station_config(dir.write("elsewhere/resolved.yaml", yaml));
@@ -262,6 +270,10 @@ TEST_CASE("The resolved configuration reads back to the same values from another
   CHECK(second.files.recipes[1] == dir / "c: d.yaml");
   CHECK(second.plc.tcp.allow == first.plc.tcp.allow);
   CHECK(second.simulator.line_time_s == first.simulator.line_time_s);
+  CHECK(second.camera.tone_curve);
+  CHECK(second.simulator.gamma == 2.2);
+  CHECK(second.upkeep.max_age_days == 180);
+  CHECK(second.upkeep.grace_days == 3);
   CHECK(second.station_hash == first.station_hash);
   CHECK(second.hash != first.hash);
 }
@@ -274,6 +286,8 @@ TEST_CASE("The station hash follows what a calibration depends on and nothing el
            {"distance_mm: 180", "distance_mm: 180.0"},
            {"# station", "# STATION"},
            {"eta: 40", "eta: 4"},
+           {"read_noise_dn: 0.3", "read_noise_dn: 0.3\n    response: linear"},
+           {"plc:", "upkeep: {max_age_days: 7}\nplc:"},
            {"port: 1502", "port: 502"},
            {"[0.03, 0.4, 5, 60]", "[0.03, 60]"}}) {
     CAPTURE(from, to);
@@ -282,6 +296,7 @@ TEST_CASE("The station hash follows what a calibration depends on and nothing el
   for (const auto& [from, to] : std::vector<std::pair<std::string, std::string>>{
            {"width: 1456", "width: 1400"},
            {"bits: 10", "bits: 12"},
+           {"read_noise_dn: 0.3", "read_noise_dn: 0.3\n    response: tone_curve"},
            {"mosaic: rggb", "mosaic: bggr"},
            {"black_level_dn: 60", "black_level_dn: 61"},
            {"full_well_dn: 1023", "full_well_dn: 1022"},

@@ -226,6 +226,24 @@ TEST_CASE("What cannot be measured is not judged, and says why", "[judge]") {
   });
 }
 
+TEST_CASE("A calibration that is due is used until its grace ends, then nothing is judged",
+          "[judge]") {
+  struct Row {
+    std::optional<int> days;
+    int grace;
+    bool judged;
+  };
+  const auto row = GENERATE(Row{std::nullopt, 0, true}, Row{5, 0, true}, Row{0, 0, true},
+                            Row{-1, 0, false}, Row{-30, 30, true}, Row{-31, 30, false});
+  Case c = good_case();
+  c.facts.calibration = {row.days, row.grace};
+  const Judgement judged = c.judged();
+  CHECK((judged.verdict == Verdict::pass) == row.judged);
+  CHECK((judged.reason_bits == bit(Reason::calibration_or_recipe)) == !row.judged);
+  if (!row.judged)
+    CHECK_THAT(judged.findings.at(0).text, Catch::Contains("the calibration was due"));
+}
+
 TEST_CASE("A number that is not finite anywhere is never a pass", "[judge]") {
   using Spoil = std::function<void(Case&, double)>;
   const std::vector<std::pair<const char*, Spoil>> spoils{

@@ -205,6 +205,18 @@ TEST_CASE("one clipped channel clips its cell") {
   CHECK(cv::countNonZero(r.mask) == 1);
 }
 
+TEST_CASE("one dark channel puts its cell under the noise floor") {
+  BenchSensor bench;
+  bench.sensor.width = 8;
+  bench.sensor.height = 8;
+  const auto [x, y] = GENERATE(table<int, int>({{0, 0}, {1, 1}}));  // the greens are averaged
+  RawFrame frame = constant_frame(bench.sensor, 500, 1e-3);
+  frame.counts.at<std::uint16_t>(2 + y, 4 + x) = 60;
+  const Radiance r = merge_bracket(bench.sensor, bench.noise, {frame});
+  CHECK(r.mask.at<unsigned char>(1, 2) == kNoiseFloor);
+  CHECK(cv::countNonZero(r.mask) == 1);
+}
+
 TEST_CASE("darkness is under the noise floor, the darkest ordinary material is not") {
   const BenchSensor bench = mono_sensor(256, 64);
   const auto share_masked = [&](double radiance) {

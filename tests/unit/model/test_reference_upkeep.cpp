@@ -61,6 +61,20 @@ TEST_CASE("a certificate's days are counted over months and leap years") {
   CHECK_FALSE(days_until_due({}, "2027-01-01").has_value());
 }
 
+TEST_CASE("a calibration is due when its certificate ends or it is too old, whichever is first") {
+  Calibration c;
+  c.created = "2026-01-31T08:00:00Z";
+  CHECK_FALSE(days_until_due(c, 0, "2030-01-01"));
+  CHECK(days_until_due(c, 30, "2026-02-01") == 29);
+  CHECK(days_until_due(c, 30, "2026-03-03") == -1);
+  c.certificate.due = "2026-02-10";
+  CHECK(days_until_due(c, 0, "2026-02-01") == 9);
+  CHECK(days_until_due(c, 30, "2026-02-01") == 9);
+  CHECK(days_until_due(c, 5, "2026-02-01") == 4);
+  c.created = "yesterday";
+  CHECK_THROWS_AS(days_until_due(c, 5, "2026-02-01"), InputError);
+}
+
 TEST_CASE("dates that do not exist are refused") {
   const std::string date =
       GENERATE("2027-02-29", "2027-13-01", "27-01-01", "2027-1-1", "2027/01/01", "", "2027-01-01x");

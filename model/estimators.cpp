@@ -36,20 +36,32 @@ bool same(const std::vector<HalfDiff>& a, const std::vector<HalfDiff>& b) {
                     });
 }
 
-/// Values that miss their prediction by more than this many misfits are held at that: dust or a
-/// scratch in one bin, not the material.
-constexpr double kOutlier = 6.0;
+/// A value that misses its prediction by more than this many of the material's own misfits is held
+/// at that: dust, a glint or a scratch in one bin, not the material. The material's own misfit is
+/// told from the median (1.4826 MAD is a normal law's deviation; Huber 1981), between these shares
+/// of what left-out training materials have.
+constexpr double kOutlier = 3.0;
+constexpr double kLeastMisfit = 0.15;
+constexpr double kMostMisfit = 1.0;
 constexpr int kOutlierRounds = 3;
 
-/// Pulls outliers of x to the edge of what is plausible; whether there were any.
-bool hold_outliers(const Eigen::VectorXd& predicted, const Eigen::VectorXd& misfit,
-                   const Eigen::VectorXd& observed, Eigen::VectorXd& x) {
-  const Eigen::ArrayXd reach = kOutlier * misfit.array();
-  const Eigen::ArrayXd held =
-      observed.array().max(predicted.array() - reach).min(predicted.array() + reach);
-  const bool any = (held != x.array()).any();
-  x = held.matrix();
-  return any;
+double median_of(Eigen::ArrayXd values) {
+  auto* middle = values.data() + values.size() / 2;
+  std::nth_element(values.data(), middle, values.data() + values.size());
+  return *middle;
+}
+
+/// Observed values, outliers pulled to the edge of what is plausible.
+Eigen::MatrixXd hold_outliers(const Eigen::MatrixXd& predicted, const Eigen::VectorXd& misfit,
+                              const Eigen::MatrixXd& observed) {
+  Eigen::MatrixXd x(observed.rows(), observed.cols());
+  for (Index channel = 0; channel < x.cols(); ++channel) {
+    const Eigen::ArrayXd expected = predicted.col(channel);
+    const Eigen::ArrayXd misses = (observed.col(channel).array() - expected) / misfit.array();
+    const double own = std::clamp(1.4826 * median_of(misses.abs()), kLeastMisfit, kMostMisfit);
+    x.col(channel) = expected + misses.max(-kOutlier * own).min(kOutlier * own) * misfit.array();
+  }
+  return x;
 }
 
 class ExampleEstimator final : public Estimator {
@@ -67,8 +79,9 @@ class ExampleEstimator final : public Estimator {
     w.rows = static_cast<int>(x.rows());
     w.c.resize(basis_->info().components, samples.channels);
     w.misfit.resize(samples.channels);
+    const std::vector<ExampleRegression::Prediction> found = robust(*regression, x);
     for (Index channel = 0; channel < x.cols(); ++channel) {
-      const auto p = robust(*regression, x.col(channel));
+      const ExampleRegression::Prediction& p = found[static_cast<std::size_t>(channel)];
       w.c.col(channel) = p.c;
       w.misfit[channel] =
           (x.col(channel) - rows.q * p.c).cwiseQuotient(regression->misfit()).squaredNorm() /
@@ -80,12 +93,14 @@ class ExampleEstimator final : public Estimator {
   }
 
  private:
-  static ExampleRegression::Prediction robust(const ExampleRegression& regression,
-                                              const Eigen::VectorXd& observed) {
-    Eigen::VectorXd x = observed;
-    for (int round = 0; round < kOutlierRounds; ++round) {
-      const Eigen::VectorXd predicted = regression.rows().q * regression.mean(x);
-      if (!hold_outliers(predicted, regression.misfit(), observed, x)) break;
+  static std::vector<ExampleRegression::Prediction> robust(const ExampleRegression& regression,
+                                                           const Eigen::MatrixXd& observed) {
+    Eigen::MatrixXd x = observed;
+    // Where no value is redundant, none can be told to be bad.
+    const int rounds = x.rows() > 2 * regression.rows().q.cols() ? kOutlierRounds : 0;
+    for (int round = 0; round < rounds; ++round) {
+      const Eigen::MatrixXd predicted = regression.rows().q * regression.mean(x);
+      x = hold_outliers(predicted, regression.misfit(), observed);
     }
     return regression.predict(x);
   }

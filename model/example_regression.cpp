@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -16,15 +17,7 @@ namespace {
 
 using Eigen::Index;
 
-// Chosen by cross-validation over the training materials; the error is flat around them
-// (docs/decisions).
-constexpr int kFeatures = 40;
-constexpr float kLinear = 0.1F;
-constexpr std::array<double, 3> kNormExponents{1.0, 0.85, 0.6};
-constexpr double kLeastDeviation = 1e-3;  // of a feature, relative to the first
-/// Variance of an example's own weights around the process: measured, derived.
-constexpr double kMeasuredNoise = 0.02;
-constexpr double kDerivedNoise = 0.05;
+constexpr ExampleKernel kKernel;
 /// As many nearest examples tell the process' variance.
 constexpr Index kNeighbours = 48;
 /// Left-out errors count by exp(-d^2 / 2 l^2) of their material's distance, and all of them with
@@ -40,25 +33,19 @@ constexpr double kLeastMisfit = 0.05;
 constexpr double kMisfitQuantile = 0.99;
 
 /// Matern 3/2 with length 2, for squared distances.
-Eigen::ArrayXXf matern(const Eigen::ArrayXXf& squared) {
-  const Eigen::ArrayXXf s = (0.75F * squared.max(0.0F)).sqrt();
-  return (1 + s) * (-s).exp();
+void add_matern(const Eigen::Ref<const Eigen::MatrixXf>& squared, Eigen::Ref<Eigen::MatrixXf> sum) {
+  for (Index j = 0; j < squared.cols(); ++j) {
+    const Eigen::ArrayXf s = (0.75F * squared.col(j).array().max(0.0F)).sqrt();
+    sum.col(j).array() += (1.0F / 3) * (1 + s) * (-s).exp();
+  }
 }
 
-/// Kernel of every two columns of features.
-Eigen::MatrixXf kernel_matrix(const Eigen::Matrix3Xf& gain, const Eigen::MatrixXf& features) {
-  const Index n = features.cols();
-  Eigen::ArrayXXf k = Eigen::ArrayXXf::Ones(n, n);
-  for (Index j = 0; j < 3; ++j) {
-    const Eigen::MatrixXf z = gain.row(j).cwiseSqrt().asDiagonal() * features;
-    Eigen::MatrixXf squared = -2 * z.transpose() * z;
-    if (j == 1) k -= 0.5F * kLinear * squared.array();
-    const Eigen::VectorXf norms = z.colwise().squaredNorm();
-    squared.colwise() += norms;
-    squared.rowwise() += norms.transpose();
-    k += matern(squared.array()) / 3;
-  }
-  return k.matrix();
+/// <a, b> of every two columns turned into |a - b|^2.
+void to_squared_distances(const Eigen::VectorXf& squares_a, const Eigen::VectorXf& squares_b,
+                          Eigen::MatrixXf& products) {
+  products *= -2;
+  products.colwise() += squares_a;
+  products.rowwise() += squares_b.transpose();
 }
 
 /// Names separated by commas.
@@ -105,6 +92,28 @@ double quantile(std::vector<double> values, double q) {
   return values[static_cast<std::size_t>(at)];
 }
 
+/// The examples most alike to one, of those that `among` lets in.
+template <typename Among>
+std::vector<Index> nearest(const Eigen::Ref<const Eigen::VectorXf>& with_all, Among&& among) {
+  std::vector<Index> order;
+  for (Index i = 0; i < with_all.size(); ++i) {
+    if (among(i)) order.push_back(i);
+  }
+  const Index n = std::min<Index>(kNeighbours, static_cast<Index>(order.size()));
+  std::nth_element(order.begin(), order.begin() + (n - 1), order.end(),
+                   [&](Index a, Index b) { return with_all[a] > with_all[b]; });
+  order.resize(static_cast<std::size_t>(n));
+  return order;
+}
+
+/// Variance of a process at a point, given noisy values at others (Rasmussen & Williams eq. 2.26).
+double given(Eigen::MatrixXf kernel, const Eigen::VectorXf& with, float itself) {
+  kernel.diagonal().array() += static_cast<float>(kKernel.derived_noise);
+  const Eigen::LLT<Eigen::Ref<Eigen::MatrixXf>> factor(kernel);
+  const Eigen::VectorXf half = factor.matrixL().solve(with);
+  return std::max(0.0F, itself - half.squaredNorm());
+}
+
 }  // namespace
 
 ExampleRegression::ExampleRegression(const Basis& basis, std::vector<HalfDiff> directions)
@@ -117,89 +126,100 @@ ExampleRegression::ExampleRegression(const Basis& basis, std::vector<HalfDiff> d
   }
   if (directions_.empty()) throw InputError("method gp", "no directions", "at least one");
   make_features(example_rows(basis, directions_));
-  Eigen::MatrixXd k = kernel_matrix(gain_, features_).cast<double>();
+  const Eigen::MatrixXf kernel = similarity(examples_).kernel;
   const auto derived = static_cast<Index>(basis.exemplars().size());
-  const Index measured = k.rows() - derived;
-  k.diagonal().head(derived).array() += kDerivedNoise;
-  k.diagonal().tail(measured).array() += kMeasuredNoise;
-  const Eigen::LLT<Eigen::MatrixXd> factor(k);
-  const Eigen::MatrixXd a = factor.solve(example_weights(basis));
-  coefficients_ = a.transpose().cast<float>();
+  const Index measured = kernel.rows() - derived;
+  const double growth = kKernel.noise_growth(rows_.q.rows());
+  Eigen::MatrixXf noisy = kernel;
+  noisy.diagonal().head(derived).array() += static_cast<float>(growth * kKernel.derived_noise);
+  noisy.diagonal().tail(measured).array() += static_cast<float>(growth * kKernel.measured_noise);
+  // Single precision: the noise keeps the smallest eigenvalue a hundred times above its rounding.
+  const Eigen::LLT<Eigen::Ref<Eigen::MatrixXf>> factor(noisy);
+  const Eigen::MatrixXf a = factor.solve(example_weights(basis).cast<float>());
+  coefficients_ = a.transpose();
   // The measured examples come last, so their block of the inverse needs their block of L alone.
-  const Eigen::MatrixXd block = factor.matrixLLT().bottomRightCorner(measured, measured);
-  const Eigen::MatrixXd inverse_l =
-      block.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd::Identity(measured, measured));
-  learn_errors(inverse_l.transpose() * inverse_l, a.bottomRows(measured));
+  const Eigen::MatrixXf block = noisy.bottomRightCorner(measured, measured);
+  const Eigen::MatrixXf inverse_l =
+      block.triangularView<Eigen::Lower>().solve(Eigen::MatrixXf::Identity(measured, measured));
+  learn_errors(kernel, inverse_l, a.bottomRows(measured));
 }
 
 void ExampleRegression::make_features(const Eigen::MatrixXd& x) {
-  const double scale = 1 / std::sqrt(static_cast<double>(x.rows()));
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(
-      x * x.transpose() * (scale * scale / static_cast<double>(x.cols())));
-  const Index count = std::min<Index>(kFeatures, x.rows());
-  const Eigen::MatrixXd axes = solver.eigenvectors().rightCols(count).rowwise().reverse();
-  const Eigen::ArrayXd deviation =
-      solver.eigenvalues().tail(count).reverse().cwiseMax(0.0).cwiseSqrt();
-  const Eigen::ArrayXd relative = (deviation / std::max(deviation[0], 1e-12)).max(kLeastDeviation);
+  const auto n = static_cast<double>(x.rows());
+  const Index count = std::min(rows_.q.rows(), rows_.q.cols());
+  // An orthonormal base of what the basis can say at the directions.
+  const Eigen::MatrixXd span = Eigen::HouseholderQR<Eigen::MatrixXd>(rows_.q).householderQ() *
+                               Eigen::MatrixXd::Identity(rows_.q.rows(), count);
+  const Eigen::MatrixXd inside = span.transpose() * x / std::sqrt(n);
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(inside * inside.transpose() /
+                                                              double(x.cols()));
+  const Eigen::MatrixXd axes = solver.eigenvectors().rowwise().reverse();
+  const Eigen::ArrayXd variance = solver.eigenvalues().reverse().cwiseMax(0.0);
+  const Eigen::ArrayXd relative =
+      (variance / std::max(variance[0], 1e-24)).sqrt().max(kKernel.least_deviation);
   gain_.resize(3, count);
   for (Index j = 0; j < 3; ++j) {
-    const double exponent = 2 * (kNormExponents[static_cast<std::size_t>(j)] - 1);
+    const double exponent = kKernel.norm_exponents[static_cast<std::size_t>(j)] - 1;
     gain_.row(j) = relative.pow(exponent).cast<float>().matrix().transpose();
   }
-  projection_ = (axes.transpose() * scale).cast<float>();
-  features_ = projection_ * x.cast<float>();
+  const double error = kKernel.value_error * kKernel.value_error / n;
+  const Eigen::ArrayXd damping = (variance / (variance + error)).sqrt();
+  const Eigen::MatrixXd to_features = damping.matrix().asDiagonal() * axes.transpose();
+  projection_ = (to_features * span.transpose() / std::sqrt(n)).cast<float>();
+  examples_ = weighted((to_features * inside).cast<float>());
 }
 
-Eigen::VectorXf ExampleRegression::features_of(const Eigen::VectorXd& x) const {
-  return projection_ * x.cast<float>();
+ExampleRegression::Weighted ExampleRegression::weighted(const Eigen::MatrixXf& features) const {
+  Weighted w;
+  for (std::size_t j = 0; j < 3; ++j) {
+    w.z[j] = gain_.row(static_cast<Index>(j)).asDiagonal() * features;
+    w.squares[j] = w.z[j].colwise().squaredNorm();
+  }
+  return w;
 }
 
-ExampleRegression::Similarity ExampleRegression::similarity(const Eigen::VectorXf& z) const {
-  const Eigen::MatrixXf squares = (features_.colwise() - z).cwiseAbs2();
-  const Eigen::MatrixXf distances = squares.transpose() * gain_.transpose();
-  const Eigen::VectorXf linear = features_.transpose() * (gain_.row(1).transpose().cwiseProduct(z));
+ExampleRegression::Similarity ExampleRegression::similarity(const Weighted& z) const {
   Similarity s;
-  s.kernel =
-      (1 + kLinear * linear.array() + matern(distances.array()).rowwise().sum() / 3).matrix();
-  s.squared_first = distances.col(0);
+  s.kernel.setOnes(examples_.z[0].cols(), z.z[0].cols());
+  for (std::size_t j = 0; j < 3; ++j) {
+    Eigen::MatrixXf squared = examples_.z[j].transpose() * z.z[j];
+    if (j == 1) s.kernel += kKernel.linear * squared;
+    to_squared_distances(examples_.squares[j], z.squares[j], squared);
+    add_matern(squared, s.kernel);
+    if (j == 0) s.squared_first = std::move(squared);
+  }
   return s;
 }
 
-float ExampleRegression::kernel(const Eigen::VectorXf& a, const Eigen::VectorXf& b) const {
-  const Eigen::Array3f squared = (gain_ * (a - b).cwiseAbs2()).array();
-  return 1 + kLinear * gain_.row(1).dot(a.cwiseProduct(b)) + matern(squared).sum() / 3;
-}
-
-double ExampleRegression::local_variance(const Eigen::VectorXf& z, const Eigen::VectorXf& with_all,
-                                         int left_out) const {
-  std::vector<Index> order;
-  for (Index i = 0; i < with_all.size(); ++i) {
-    if (left_out < 0 || material_[static_cast<std::size_t>(i)] != left_out) order.push_back(i);
+/// Variance of the process given its nearest examples.
+double ExampleRegression::variance_near(const Weighted& z, Index i, const Similarity& s) const {
+  const std::vector<Index> near = nearest(s.kernel.col(i), [](Index) { return true; });
+  const auto n = static_cast<Index>(near.size());
+  Eigen::MatrixXf kernel = Eigen::MatrixXf::Ones(n, n);
+  for (std::size_t j = 0; j < 3; ++j) {
+    const Eigen::MatrixXf some = examples_.z[j](Eigen::all, near);
+    const Eigen::VectorXf squares = examples_.squares[j](near);
+    Eigen::MatrixXf squared = some.transpose() * some;
+    if (j == 1) kernel += kKernel.linear * squared;
+    to_squared_distances(squares, squares, squared);
+    add_matern(squared, kernel);
   }
-  const Index n = std::min<Index>(kNeighbours, static_cast<Index>(order.size()));
-  std::nth_element(order.begin(), order.begin() + (n - 1), order.end(),
-                   [&](Index a, Index b) { return with_all[a] > with_all[b]; });
-  const Eigen::MatrixXf near =
-      features_(Eigen::all, std::vector<Index>(order.begin(), order.begin() + n));
-  Eigen::MatrixXf noisy = kernel_matrix(gain_, near);
-  noisy.diagonal().array() += static_cast<float>(kDerivedNoise);
-  Eigen::VectorXf with(n);
-  for (Index i = 0; i < n; ++i)
-    with[i] = with_all[order[static_cast<std::size_t>(i)]];
-  const Eigen::LLT<Eigen::MatrixXf> factor(noisy);
-  return std::max(0.0F, kernel(z, z) - with.dot(factor.solve(with)));
+  const float itself = 2 + kKernel.linear * z.squares[1][i];
+  return given(kernel, s.kernel.col(i)(near), itself);
 }
 
-void ExampleRegression::learn_errors(const Eigen::MatrixXd& inverse, const Eigen::MatrixXd& a) {
-  const Index measured = inverse.rows();
-  const Index first = features_.cols() - measured;
+void ExampleRegression::learn_errors(const Eigen::MatrixXf& kernel,
+                                     const Eigen::MatrixXf& inverse_l, const Eigen::MatrixXf& a) {
+  const Index measured = inverse_l.rows();
+  const Index first = kernel.rows() - measured;
   std::map<int, std::vector<Index>> blocks;
   for (Index i = 0; i < measured; ++i)
     blocks[material_[static_cast<std::size_t>(first + i)]].push_back(i);
   Eigen::MatrixXd left_out(measured, a.cols());
   for (const auto& [material, block] : blocks) {
-    const Eigen::MatrixXd own = inverse(block, block);
-    const Eigen::MatrixXd weights = a(block, Eigen::all);
+    const Eigen::MatrixXd columns = inverse_l(Eigen::all, block).cast<double>();
+    const Eigen::MatrixXd own = columns.transpose() * columns;
+    const Eigen::MatrixXd weights = a(block, Eigen::all).cast<double>();
     const Eigen::MatrixXd error = own.llt().solve(weights);
     left_out(block, Eigen::all) = error;
   }
@@ -212,40 +232,54 @@ void ExampleRegression::learn_errors(const Eigen::MatrixXd& inverse, const Eigen
     squares.push_back(residual.col(i).cwiseQuotient(misfit_).squaredNorm() /
                       double(misfit_.size()));
   misfit_limit_ = quantile(std::move(squares), kMisfitQuantile);
-  errors_ = left_out.transpose();
+  errors_ = left_out.transpose().cast<float>();
   for (Index i = 0; i < measured; ++i) {
-    const Eigen::VectorXf z = features_.col(first + i);
-    const double v =
-        local_variance(z, similarity(z).kernel, material_[static_cast<std::size_t>(first + i)]);
-    errors_.col(i) /= std::sqrt(v + kMeasuredNoise);
+    const int own = material_[static_cast<std::size_t>(first + i)];
+    const auto with = kernel.col(first + i);
+    const std::vector<Index> near =
+        nearest(with, [&](Index e) { return material_[static_cast<std::size_t>(e)] != own; });
+    const double v = given(kernel(near, near), with(near), kernel(first + i, first + i));
+    errors_.col(i) /= static_cast<float>(std::sqrt(v + kKernel.measured_noise));
   }
-  mean_shape_ = errors_ * errors_.transpose() / double(measured);
+  mean_shape_ = errors_ * errors_.transpose() / static_cast<float>(measured);
 }
 
-Eigen::VectorXd ExampleRegression::mean(const Eigen::VectorXd& x) const {
-  return (coefficients_ * similarity(features_of(x)).kernel).cast<double>();
+Eigen::MatrixXd ExampleRegression::mean(const Eigen::MatrixXd& x) const {
+  const Weighted z = weighted(projection_ * x.cast<float>());
+  return (coefficients_ * similarity(z).kernel).cast<double>();
 }
 
-ExampleRegression::Prediction ExampleRegression::predict(const Eigen::VectorXd& x) const {
-  const Eigen::VectorXf z = features_of(x);
-  const Similarity s = similarity(z);
-  const double scale = local_variance(z, s.kernel, -1) + kMeasuredNoise;
+/// Left-out errors, those of materials near the observed one counting most.
+Eigen::MatrixXd ExampleRegression::covariance_near(const Eigen::VectorXf& squared_first,
+                                                   double scale) const {
+  constexpr float kNegligible = 1e-3F;
   const Index measured = errors_.cols();
   const Eigen::VectorXf near =
-      (s.squared_first.tail(measured) * (-0.5F / (kErrorReach * kErrorReach))).array().exp();
-  constexpr float kNegligible = 1e-3F;
-  double total = kErrorBackground * double(measured);
-  Eigen::MatrixXd shape = total * mean_shape_;
+      (squared_first.tail(measured) * (-0.5F / (kErrorReach * kErrorReach))).array().exp();
+  std::vector<Index> some;
   for (Index i = 0; i < measured; ++i) {
-    if (near[i] < kNegligible) continue;
-    shape.selfadjointView<Eigen::Lower>().rankUpdate(errors_.col(i), double(near[i]));
-    total += near[i];
+    if (near[i] >= kNegligible) some.push_back(i);
   }
-  Prediction p;
-  p.c = (coefficients_ * s.kernel).cast<double>();
-  p.covariance = shape.selfadjointView<Eigen::Lower>();
-  p.covariance *= kErrorGrowth * scale / total;
-  return p;
+  const Eigen::VectorXf share = near(some);
+  const float background = kErrorBackground * static_cast<float>(measured);
+  Eigen::MatrixXf shape = background * mean_shape_;
+  const Eigen::MatrixXf errors = errors_(Eigen::all, some) * share.cwiseSqrt().asDiagonal();
+  shape.selfadjointView<Eigen::Lower>().rankUpdate(errors);
+  const Eigen::MatrixXf whole = shape.selfadjointView<Eigen::Lower>();
+  return whole.cast<double>() * (kErrorGrowth * scale / double(background + share.sum()));
+}
+
+std::vector<ExampleRegression::Prediction> ExampleRegression::predict(
+    const Eigen::MatrixXd& x) const {
+  const Weighted z = weighted(projection_ * x.cast<float>());
+  const Similarity s = similarity(z);
+  const Eigen::MatrixXf c = coefficients_ * s.kernel;
+  std::vector<Prediction> out;
+  for (Index i = 0; i < x.cols(); ++i) {
+    const double scale = variance_near(z, i, s) + kKernel.measured_noise;
+    out.push_back({c.col(i).cast<double>(), covariance_near(s.squared_first.col(i), scale)});
+  }
+  return out;
 }
 
 }  // namespace brdfgate

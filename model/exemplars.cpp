@@ -18,6 +18,9 @@ using Eigen::Index;
 constexpr double kPi = std::numbers::pi;
 constexpr double kDegree = kPi / 180;
 
+/// In place of an exponent, here and in the file: the distribution is Beckmann's.
+constexpr double kBeckmann = 0;
+
 /// A material's base is what is left between these half angles, clear of lobe and horizon.
 constexpr double kBaseFrom = 15 * kDegree;
 constexpr double kBaseTo = 70 * kDegree;
@@ -63,7 +66,7 @@ Exemplar draw_recombined(Dice& dice, int observations) {
 MicrofacetLobe draw_lobe(Dice& dice) {
   MicrofacetLobe lobe;
   lobe.alpha = dice.log_uniform(0.02, 0.7);
-  lobe.exponent = dice.uniform() < 0.5 ? 2.0 : dice.uniform(1.6, 2.6);
+  lobe.exponent = dice.uniform() < 0.5 ? kBeckmann : dice.uniform(1.6, 2.6);
   lobe.f0 = dice.log_uniform(0.02, 0.95);
   lobe.scale = dice.uniform(0.3, 1);
   return lobe;
@@ -89,16 +92,27 @@ struct LobeGeometry {
   double schlick;  ///< (1 - cos theta_d)^5
 };
 
+/// Density of facet normals, 1/sr, so that its integral times cos theta_h is 1.
+double distribution_of(const MicrofacetLobe& lobe, double cos2_h) {
+  const double a2 = lobe.alpha * lobe.alpha;
+  const double g = lobe.exponent;
+  if (g == kBeckmann) {
+    constexpr double kGrazing2 = 1e-6;  // of cos^2 theta_h
+    const double c2 = std::max(cos2_h, kGrazing2);
+    return std::exp((1 - 1 / c2) / a2) / (kPi * a2 * c2 * c2);
+  }
+  const double base = 1 + (a2 - 1) * cos2_h;
+  const double norm = g == 2 ? a2 / kPi : (g - 1) * (a2 - 1) / (kPi * (1 - std::pow(a2, 1 - g)));
+  return norm / (g == 2 ? base * base : std::pow(base, g));
+}
+
 double evaluate(const MicrofacetLobe& lobe, const LobeGeometry& at) {
   const double a2 = lobe.alpha * lobe.alpha;
-  const double base = 1 + (a2 - 1) * at.cos2_h;
-  const double g = lobe.exponent;
-  const double norm = g == 2 ? a2 / kPi : (g - 1) * (a2 - 1) / (kPi * (1 - std::pow(a2, 1 - g)));
-  const double distribution = norm / (g == 2 ? base * base : std::pow(base, g));
   const double i = at.cosine.i;
   const double o = at.cosine.o;
   const double visibility = 0.5 / (o * smith_term(i, a2) + i * smith_term(o, a2));
-  return lobe.scale * distribution * visibility * (lobe.f0 + (1 - lobe.f0) * at.schlick);
+  return lobe.scale * distribution_of(lobe, at.cos2_h) * visibility *
+         (lobe.f0 + (1 - lobe.f0) * at.schlick);
 }
 
 std::vector<LobeGeometry> lobe_geometry(const std::vector<HalfDiff>& directions) {
@@ -203,8 +217,8 @@ Exemplar from_record(const ExemplarRecord& r) {
 bool is_valid(const Exemplar& e, int observations) {
   const auto in = [](double v, double least, double most) { return v >= least && v <= most; };
   const auto lobe_in = [&in](const MicrofacetLobe& lobe) {
-    return in(lobe.alpha, 1e-3, 1) && in(lobe.exponent, 1.01, 3) && in(lobe.f0, 0, 1) &&
-           in(lobe.scale, 0, 1e3);
+    return in(lobe.alpha, 1e-3, 1) && (lobe.exponent == kBeckmann || in(lobe.exponent, 1.01, 3)) &&
+           in(lobe.f0, 0, 1) && in(lobe.scale, 0, 1e3);
   };
   return e.source >= -1 && e.source < observations && in(e.albedo, 0, 1) && in(e.offset, 0, 1e6) &&
          in(e.scale, 0, 1e6) && in(e.stretch, 1e-2, 1e2) && lobe_in(e.lobes[0]) &&

@@ -5,8 +5,8 @@
 //   recombined   s max(f(q theta_h, theta_d, phi_d) - o, 0) + albedo / pi: a training observation f
 //                with its base o taken off, its lobe stretched by q and scaled by s, on a new base
 //   microfacet   one or two lobes of a generalised Trowbridge-Reitz distribution (Burley 2012,
-//   "GTR")
-//                with Smith masking of GGX and Schlick's Fresnel, over albedo / pi
+//                "GTR": long tails) or of Beckmann's (short ones), with Smith masking of GGX and
+//                Schlick's Fresnel, over albedo / pi
 // They are values of one colour channel, 1/sr.
 #pragma once
 
@@ -21,10 +21,10 @@ namespace brdfgate {
 
 class Basis;
 
-/// A generalised Trowbridge-Reitz lobe; exponent 2 is GGX.
+/// A generalised Trowbridge-Reitz lobe (exponent 2 is GGX), or Beckmann's.
 struct MicrofacetLobe {
   double alpha = 0.1;   ///< roughness, (0, 1)
-  double exponent = 2;  ///< (1, 3]
+  double exponent = 2;  ///< (1, 3]; 0: Beckmann's distribution
   double f0 = 0.04;     ///< reflectance at normal incidence, [0, 1]
   double scale = 0;     ///< 0: no lobe
 };

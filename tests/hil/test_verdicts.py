@@ -113,10 +113,13 @@ class Reconstruction(unittest.TestCase):
         scene = BENCH.scene("grey", "target: part\nmaterials:\n  - {name: grey, lambert: [0.2, 0.4, 0.6]}\n")
         recordings = BENCH.simulate(scene, "grey", seed=3)
         out = BENCH.folder / "grey_out"
-        result = BENCH.json("reconstruct", "--config", BENCH.station, "--from", recordings, "--out", out)
+        result = BENCH.json("reconstruct", "--config", BENCH.station, "--from", recordings, "--out", out,
+                            "--sufficient-model")
         clusters = result["parts"][0]["clusters"]
         self.assertEqual(result["parts"][0]["verdict"], "none")
         self.assertEqual(len(clusters), 1)
+        model = clusters[0]["sufficient_model"]
+        self.assertEqual((model["kind"], model["components"], model["parameters"]), ("lambert", 0, 3))
         same = BENCH.json("compare", out / "cluster_0.binary", out / "cluster_0.binary")
         self.assertEqual((same["mapped_rms"], same["missing_cells"]), (0, 0))
         # L* of the reconstruction at 45:0 against that of the albedo itself (CIE 15).
@@ -132,6 +135,7 @@ class Reconstruction(unittest.TestCase):
         for key in ("index name pixels bins area_share coverage valid method components weights weight_sigmas t2 t2_limit spe "
                     "spe_limit residual_rms gloss_gu lab delta_e00 brdf").split():
             self.assertIn(key, cluster)
+        self.assertNotIn("sufficient_model", cluster)  # costs time: only where asked for
         self.assertEqual([len(c) for c in cluster["weights"]], [cluster["components"]] * 3)
         self.assertTrue(all(math.isfinite(w) for channel in cluster["weights"] for w in channel))
         self.assertTrue((out / cluster["brdf"]).is_file() and (out / "result.json").is_file())

@@ -10,6 +10,7 @@
 #include "model/validation.hpp"
 #include "model/validity.hpp"
 #include "support/input_error.hpp"
+#include "support/simple_regression.hpp"
 #include "support/small_basis.hpp"
 
 using namespace brdfgate;
@@ -73,6 +74,26 @@ TEST_CASE("a GGX exemplar is the analytic model of the scene files") {
   }
 }
 
+TEST_CASE("a Beckmann lobe falls by e where tan theta_h is alpha, and survives the file") {
+  const auto basis = basis_with_exemplars();
+  Exemplar e;
+  e.lobes[0] = {0.2, 0, 1.0, 1.0};  // exponent 0: Beckmann; f0 = 1: no Fresnel
+  CHECK(is_valid(e, 1));
+  CHECK(to_record(from_record(to_record(e))) == to_record(e));
+  // At one theta_d and phi_d of 90 degrees both cosines are cos theta_h cos theta_d.
+  const double theta_d = 0.3;
+  const double edge = std::atan(0.2);
+  const Eigen::MatrixXd f = exemplar_reflectance(
+      *basis, {e}, {{0, theta_d, std::numbers::pi / 2}, {edge, theta_d, std::numbers::pi / 2}});
+  const auto masking = [&](double theta_h) {
+    const double c = std::cos(theta_h) * std::cos(theta_d);
+    return 0.25 / (c * std::sqrt(0.04 + 0.96 * c * c));
+  };
+  CHECK(f(0, 0) == Approx(masking(0) / (std::numbers::pi * 0.04)).epsilon(1e-9));
+  CHECK(f(1, 0) / masking(edge) ==
+        Approx(f(0, 0) / masking(0) / std::numbers::e / std::pow(std::cos(edge), 4)).epsilon(1e-9));
+}
+
 TEST_CASE("an unchanged observation on no base is itself") {
   const auto basis = basis_with_exemplars();
   Exemplar e;
@@ -124,15 +145,60 @@ TEST_CASE("gp answers the same for the same samples, before and after others") {
   CHECK(estimator->estimate(samples).c == first.c);
 }
 
-TEST_CASE("one bin off by a factor of a hundred hardly moves gp's weights") {
+TEST_CASE("gp's mean is that of the formulas, from many directions and from few") {
+  const auto basis = basis_with_exemplars();
+  for (const std::size_t bins : {298U, 5U}) {
+    BinnedSamples samples = observe_exactly(*satin());
+    samples.bins.resize(bins);
+    const ExampleRegression regression(*basis, samples.directions());
+    const test::SimpleRegression simple(*basis, samples.directions());
+    const Eigen::MatrixXd x = centred(samples, regression.rows());
+    const Eigen::MatrixXd c = regression.mean(x);
+    const double m = basis->info().observations;
+    for (Eigen::Index channel = 0; channel < 3; ++channel) {
+      INFO("bins " << bins << ", channel " << channel);
+      CHECK((c.col(channel) - simple.mean(x.col(channel))).norm() * std::sqrt(m) < 1e-2);  // single precision
+    }
+    const auto predicted = regression.predict(x);
+    REQUIRE(predicted.size() == 3);
+    CHECK((predicted[2].c - c.col(2)).norm() == 0);
+  }
+}
+
+TEST_CASE("a few bad bins hardly move gp's weights") {
   const auto basis = basis_with_exemplars();
   const auto estimator = make_estimator({"gp"}, basis);
-  auto samples = observe_exactly(*satin());
-  const Weights clean = estimator->estimate(samples);
-  samples.bins[20].f *= 100;
-  const Weights robust = estimator->estimate(samples);
+  const auto good = observe_exactly(*satin());
+  const Weights clean = estimator->estimate(good);
   const double m = basis->info().observations;
-  CHECK((robust.c - clean.c).norm() * std::sqrt(m) < 0.5);
+  const ExampleRegression plain(*basis, good.directions());
+  const auto moved = [&](const Eigen::MatrixXd& c, const Eigen::MatrixXd& from) {
+    return (c - from).norm() * std::sqrt(m / double(c.size()));
+  };
+  struct Case {
+    const char* what;
+    std::size_t step;  // every so many bins
+    double factor;
+    double most;  // prior deviations, RMS over the weights
+  };
+  for (const Case& c : {Case{"3 % of the bins three times too bright", 33, 3.0, 0.03},
+                        Case{"3 % of the bins three times too dark", 33, 1 / 3.0, 0.03},
+                        Case{"one bin a hundred times too bright", 298, 100.0, 0.03}}) {
+    INFO(c.what);
+    BinnedSamples bad = good;
+    for (std::size_t i = 20; i < bad.bins.size(); i += c.step)
+      bad.bins[i].f *= c.factor;
+    const double robust = moved(estimator->estimate(bad).c, clean.c);
+    const double naive =
+        moved(plain.mean(centred(bad, plain.rows())), plain.mean(centred(good, plain.rows())));
+    CHECK(robust < c.most);
+    CHECK(robust < 0.5 * naive);
+  }
+  // Nothing is lost where there is nothing to hold.
+  const double loss = error(*basis, *satin(), clean);
+  Weights unheld = clean;
+  unheld.c = plain.mean(centred(good, plain.rows()));
+  CHECK(loss < 1.03 * error(*basis, *satin(), unheld));
 }
 
 TEST_CASE("a method that is unknown or has no data is refused by name") {

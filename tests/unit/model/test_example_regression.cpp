@@ -157,7 +157,8 @@ TEST_CASE("gp's mean is that of the formulas, from many directions and from few"
     const double m = basis->info().observations;
     for (Eigen::Index channel = 0; channel < 3; ++channel) {
       INFO("bins " << bins << ", channel " << channel);
-      CHECK((c.col(channel) - simple.mean(x.col(channel))).norm() * std::sqrt(m) < 1e-2);  // single precision
+      CHECK((c.col(channel) - simple.mean(x.col(channel))).norm() * std::sqrt(m) <
+            1e-2);  // single precision
     }
     const auto predicted = regression.predict(x);
     REQUIRE(predicted.size() == 3);

@@ -25,7 +25,7 @@ TOOL = BUILD / "app/brdfgate"
 PROGRAMS = [TOOL, BUILD / "app/brdfgated", *(BUILD / "tests" / name for name in ("lab_gpio", "lab_camera", "lab_bench"))]
 PASS, REJECT, NOT_JUDGED = 1, 2, 3
 HARDWARE = 1 << 12
-LIGHTS, TRIGGER_LINE = 11, 12
+CAMERA, LIGHTS, TRIGGER_LINE = 10, 11, 12
 COMPLETED, FAILED = 1, 4
 
 SENSOR = """sensor: {width: 364, height: 272, bits: 16, mosaic: mono, black_level_dn: 1000, full_well_dn: 64000,
@@ -321,6 +321,15 @@ class LabTest(unittest.TestCase):
                     self.assertIn(f"light {order[-1]} stays {'dark' if order[0] == 'd' else 'on'}", self.journal())
             self.put("good")
             self.assertEqual(plc.inspect(109)["verdict"], PASS, self.journal())
+
+    def test_5_a_camera_that_falls_silent_and_returns(self):
+        with self.loop() as plc:
+            self.put("good", "silent")
+            silent = plc.inspect(150)
+            self.assertEqual((silent["verdict"], silent["reasons"], silent["error"]), (NOT_JUDGED, HARDWARE, CAMERA), self.journal())
+            self.assert_dark()
+            self.put("good")
+            self.assertEqual(plc.inspect(151)["verdict"], PASS, self.journal())
 
     def test_5_a_chip_that_disappears_and_returns(self):
         with self.loop() as plc:

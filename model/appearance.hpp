@@ -1,0 +1,43 @@
+// Haze and multi-angle colour from a reconstructed BRDF, each with whether the rig saw it.
+#pragma once
+
+#include <array>
+
+#include "model/brdf.hpp"
+#include "model/colour.hpp"
+#include "model/estimator.hpp"
+#include "model/samples.hpp"
+
+namespace brdfgate {
+
+/// Aspecular angles of ASTM E2194 and DIN 6175-2, degrees: lit at 45 degrees, seen in the plane of
+/// incidence so far from the mirror direction, toward the normal.
+inline constexpr std::array<double, 5> kAspecularDeg{15, 25, 45, 75, 110};
+
+/// Directions of one of them.
+DirectionPair aspecular_directions(double aspecular_deg);
+
+/// Haze as ASTM D4039: gloss at 60 degrees less gloss at 20, gloss units. Defined for non-metals of
+/// over 70 GU at 60 degrees; NaN below. (Whether a surface is metallic is for the reader to know.)
+double haze_gu(const std::array<double, 3>& gloss_gu_20_60_85);
+
+/// Colour and level at the aspecular angles.
+struct AspecularReadings {
+  std::array<Lab, 5> lab;
+  /// Flop index of Alman (1987): 2.69 (L*15 - L*110)^1.11 / L*45^0.86; 0 where the surface does not
+  /// get darker away from the mirror direction, NaN for L*45 = 0.
+  double flop_index = 0;
+};
+AspecularReadings aspecular_readings(const Brdf& brdf);
+
+/// Standard deviation of L* at directions, from the weights' posterior covariance: to first order,
+/// the channels' errors independent, the channels taken as linear sRGB (mono: as grey).
+/// Throws InputError where weights and basis differ in components.
+double lightness_sigma(const Basis& basis, const Weights& weights, const HalfDiff& directions);
+
+/// Whether the rig looked there: one of the bins lies within kMeasuredReach (the arc between half
+/// vectors and the difference of theta_d, each). Otherwise the value is extrapolated by the basis.
+inline constexpr double kMeasuredReach = 0.0873;  ///< rad, 5 degrees
+bool is_measured(const BinnedSamples& samples, const HalfDiff& directions);
+
+}  // namespace brdfgate

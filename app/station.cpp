@@ -85,9 +85,9 @@ void capture_bracket(Station& station, LightIndex light, const std::vector<doubl
 }
 
 /// Throws where what was captured since frame `first` cannot be of one scene.
-void check_bracket(const Capture& capture, std::size_t first) {
-  const auto contradiction =
-      bracket_contradiction(std::span(capture.frames).subspan(first), capture.sensor, true);
+void check_bracket(const Capture& capture, std::size_t first, const CameraConfig& config) {
+  const auto contradiction = bracket_contradiction(std::span(capture.frames).subspan(first),
+                                                   capture.sensor, !config.tone_curve);
   if (contradiction) {
     throw CameraError(CameraFault::implausible, "camera", "bracket", *contradiction);
   }
@@ -110,7 +110,7 @@ void capture_light(Station& station, LightIndex light, const CameraConfig& confi
       station.lights().all_off();
     }
   }
-  check_bracket(into, first);
+  check_bracket(into, first, config);
 }
 
 }  // namespace
@@ -132,7 +132,7 @@ Capture capture_part(Station& station, const CameraConfig& config,
   station.lights().all_off();
   Capture capture{station.camera().format(), {}};
   capture_bracket(station, kNoLight, config.ambient_ms, config, capture);
-  check_bracket(capture, 0);
+  check_bracket(capture, 0, config);
   for (LightIndex light = kMeasuringLights; light >= 1; --light)
     capture_light(station, light, config, capture);
   station.lights().all_off();

@@ -122,7 +122,7 @@ TEST_CASE("Lost and bad frames are asked for again, and told of") {
   CHECK(bench.notes.size() == 1);
 }
 
-TEST_CASE("A stream of nothing but bad frames ends in time and says what came") {
+TEST_CASE("Requests of nothing but bad frames end in time and say what came") {
   struct Case {
     FakeFault::Kind kind;
     std::string text;

@@ -16,6 +16,7 @@ std::int64_t software_period_ns(const GpioTriggerSettings& settings, const GpioE
 GpioTrigger::GpioTrigger(const GpioTriggerSettings& settings)
     : edge_(settings.edge),
       input_(settings, "brdfgate trigger"),
+      every_edge_counts_(software_period_ns(settings, input_) == 0),
       debouncer_(software_period_ns(settings, input_), is_active(input_.high())) {}
 
 bool GpioTrigger::wait(std::chrono::milliseconds timeout) {
@@ -25,6 +26,7 @@ bool GpioTrigger::wait(std::chrono::milliseconds timeout) {
     const std::int64_t now = monotonic_ns();
     const std::int64_t until = std::min(deadline, debouncer_.decided_at_ns().value_or(deadline));
     if (const auto event = input_.wait(std::chrono::nanoseconds(until - now))) {
+      if (every_edge_counts_) return true;
       debouncer_.edge(is_active(event->high), event->timestamp_ns);
     } else {
       debouncer_.no_edge_until(std::max(now, until));

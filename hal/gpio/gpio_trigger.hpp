@@ -21,6 +21,7 @@ class GpioTrigger final : public Trigger {
 
   GpioEdge edge_;
   GpioEdgeInput input_;
+  bool every_edge_counts_;
   EdgeDebouncer debouncer_;
 };
 

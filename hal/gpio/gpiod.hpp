@@ -46,7 +46,8 @@ struct GpioEdgeEvent {
   std::int64_t timestamp_ns = 0;  ///< CLOCK_MONOTONIC, taken in the interrupt
 };
 
-/// One input line whose edges, both directions, are queued by the kernel.
+/// One input line whose edges are queued by the kernel: the configured one, and both where they
+/// are to be debounced here.
 class GpioEdgeInput {
  public:
   /// Throws DeviceError when the chip or the line is missing or taken, or has no interrupt.

@@ -117,8 +117,13 @@ GpioEdgeInput::GpioEdgeInput(const GpioTriggerSettings& settings, const std::str
     : request_(std::make_unique<Request>(Request{open_chip(settings.chip), nullptr, {}})) {
   request_->name = settings.chip + " line " + settings.line;
   request_->line = find_line(request_->chip, settings.line);
-  if (gpiod_line_request_both_edges_events_flags(request_->line, consumer.c_str(),
-                                                 bias_flag(settings.bias)) != 0) {
+  // The kernel tells the edges of a line by its level when the interrupt's thread runs: with both,
+  // a short pulse would read as its own end. Without debounce one edge is enough.
+  auto* const request = settings.debounce.count() > 0 ? &gpiod_line_request_both_edges_events_flags
+                        : settings.edge == GpioEdge::rising
+                            ? &gpiod_line_request_rising_edge_events_flags
+                            : &gpiod_line_request_falling_edge_events_flags;
+  if (request(request_->line, consumer.c_str(), bias_flag(settings.bias)) != 0) {
     fail(request_->name, "request edges");
   }
 }

@@ -97,7 +97,12 @@ LineRequest request_edges(const Chip& chip, unsigned line, const GpioTriggerSett
   const LineConfig config(gpiod_line_config_new());
   if (!line_settings || !config) return {};
   gpiod_line_settings_set_direction(line_settings.get(), GPIOD_LINE_DIRECTION_INPUT);
-  gpiod_line_settings_set_edge_detection(line_settings.get(), GPIOD_LINE_EDGE_BOTH);
+  // One edge is enough but where they are debounced here (see gpiod_v1.cpp).
+  const bool both = settings.debounce.count() > 0 && !debounce;
+  gpiod_line_settings_set_edge_detection(line_settings.get(), both ? GPIOD_LINE_EDGE_BOTH
+                                                              : settings.edge == GpioEdge::rising
+                                                                  ? GPIOD_LINE_EDGE_RISING
+                                                                  : GPIOD_LINE_EDGE_FALLING);
   gpiod_line_settings_set_bias(line_settings.get(), bias_of(settings.bias));
   gpiod_line_settings_set_event_clock(line_settings.get(), GPIOD_LINE_CLOCK_MONOTONIC);
   if (debounce) {

@@ -78,6 +78,10 @@ class Feeder {
     if (fd_ < 0 || ::ioctl(fd_, VIDIOC_S_FMT, &format) != 0) {
       throw std::runtime_error(node + " takes no frames");
     }
+    // Before the first frame the loopback has no format to tell.
+    if (::write(fd_, frame_.data(), frame_.size() * sizeof frame_[0]) < 0) {
+      throw std::runtime_error(node + " takes no frame");
+    }
     thread_ = std::jthread([this](const std::stop_token& stop) {
       while (!stop.stop_requested()) {
         ++frame_[0];

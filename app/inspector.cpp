@@ -319,8 +319,11 @@ void Inspector::to_reflectance(const RadianceSet& radiance, Inspection& part) co
     part.facts.max_lamp_drift = settings_.monitor->max_drift;
     const auto expected = patch_reflectance(*settings_.monitor, calibration_);
     for (const LampLevel& lamp : lamp_levels(radiance.lights, calibration_, patch_, expected)) {
-      part.facts.lamp_drift.push_back(lamp.drift());
-      lamps.push_back(lamp.ratio);
+      const double drift = lamp.drift();
+      part.facts.lamp_drift.push_back(drift);
+      // Beyond the limit it is rather the patch that is covered than the lamp that drifted.
+      const bool trusted = std::abs(drift) <= part.facts.max_lamp_drift;
+      lamps.push_back(trusted ? lamp.ratio : Eigen::Array3d::Ones());
     }
   }
   const PartPlane plane{.height_m = settings_.part_height_mm * 1e-3};

@@ -82,7 +82,7 @@ class Inspector {
   const Estimator& estimator() const { return *estimator_; }
 
  private:
-  /// Reflectance, the lamps' drift taken out where a monitor patch tells it.
+  /// Reflectance, the lamps' drift taken out where a monitor patch tells it, within its limit.
   void to_reflectance(const RadianceSet& radiance, Inspection& part) const;
   /// Labels; with a recipe that has a layout also shift, rotation and what is wrong with them.
   Regions regions_of(Inspection& part, const RecipeInForce* recipe) const;

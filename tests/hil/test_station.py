@@ -52,14 +52,14 @@ class Lamps(unittest.TestCase):
         code, part = self.drifted("lamp_far", [0, -0.1])
         self.assertEqual((code, part["verdict"]), (3, "not_judged"))
         self.assertTrue(part["reason_bits"] >> CALIBRATION_BIT & 1)
-        self.assertIn("light 2 drifted by -10 %", " ".join(part["reasons"]))
+        self.assertRegex(" ".join(part["reasons"]), r"light 2 drifted by -(9\.|10).* %, over its limit 5 %")
 
     def test_nothing_is_taught_under_it(self):
         done = BENCH.run("teach", "--config", BENCH.station, "--from", BENCH.simulate(
             BENCH.scene("lamp_teach", (BENCH.folder / "scenes/good.yaml").read_text() + "\nlight: {drift: [0.2, 0], ambient: 0}\n"),
             "lamp_teach"), "--out", BENCH.folder / "drifted.recipe.yaml")
         self.assertEqual(done.returncode, 2)
-        self.assertIn("cannot teach: calibration: light 1 drifted by +20 %", done.stderr)
+        self.assertRegex(done.stderr, r"cannot teach: calibration: light 1 drifted by \+(19\.|20).* %")
 
     def test_the_patch_is_measured_in_the_open_nest(self):
         recordings = [BENCH.folder / "recordings" / name for name in ("dark", "white")]
@@ -127,18 +127,18 @@ class Colour(unittest.TestCase):
 
 class Height(unittest.TestCase):
     def test_a_part_of_known_height_reads_as_if_it_lay_flat(self):
-        """A grey 10 mm above the reference: a tenth brighter under light 2 unless the station knows."""
+        """A grey 4 mm above the reference: 3 % brighter under light 2 unless the station knows."""
         flat = "target: part\nmaterials:\n  - {name: grey, lambert: [0.4, 0.4, 0.4]}\n"
         readings = {}
-        for name, height, known in (("flat", 0, 0), ("told", 10, 10), ("not_told", 10, 0)):
+        for name, height, known in (("flat", 0, 0), ("told", 4, 4), ("not_told", 4, 0)):
             station = BENCH.folder / f"height_{name}.yaml"
             station.write_text(re.sub(r"part_height_mm: \S+", f"part_height_mm: {known}", BENCH.station.read_text()))
             scene = BENCH.scene(f"height_{name}", flat + f"pose: {{height_mm: {height}}}\n")
             recordings = BENCH.simulate(scene, f"height_{name}", seed=5)
             result = BENCH.json("reconstruct", "--config", station, "--from", recordings, "--out", BENCH.folder / "height_out")
             readings[name] = result["parts"][0]["clusters"][0]["lab"][0]
-        self.assertLess(abs(readings["told"] - readings["flat"]), 0.3, readings)
-        self.assertGreater(readings["not_told"] - readings["flat"], 1, readings)
+        self.assertLess(abs(readings["told"] - readings["flat"]), 0.25, readings)
+        self.assertGreater(readings["not_told"] - readings["flat"], 0.4, readings)
 
     def test_a_recipe_of_another_height_is_refused(self):
         station = BENCH.folder / "height_recipe.yaml"

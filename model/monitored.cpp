@@ -18,9 +18,9 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// Error of one mapped observation beside its noise: what binning and the move onto the frame leave
-/// (half a percent, the median over bins of simulated parts' residuals).
-constexpr double kBinError = 0.005;
+/// Error of one mapped observation beside its noise: what binning and the move onto the frame
+/// leave, another one wherever a part lies, since other cells of a bin are then seen.
+constexpr double kBinError = 0.01;
 /// Relative step of the derivatives.
 constexpr double kStep = 0.02;
 /// Prior deviation of every change, ln units: a direction that a part's bins do not tell stays at
@@ -163,7 +163,7 @@ ClusterObservation observe_along(const MonitoredDirections& directions, const Ba
   const MatrixXd gain = normal.ldlt().solve(t.transpose() * w.asDiagonal());
   const VectorXd d = distance(seen, Eigen::all).reshaped();
   out.monitored = gain * d;
-  out.residual_noise = noise(seen, Eigen::all);
+  out.residual_noise = (noise(seen, Eigen::all).array() + kBinError * kBinError).matrix();
   const VectorXd v = out.residual_noise.reshaped();
   out.monitored_noise = gain * v.asDiagonal() * gain.transpose();
   out.residual = (d - t * out.monitored).reshaped(std::ssize(seen), distance.cols());

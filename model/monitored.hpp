@@ -48,7 +48,7 @@ MonitoredDirections monitored_directions(const Basis& basis, const Brdf& materia
                                          const Eigen::MatrixXd& noise);
 
 /// A part along the directions: by weighted least squares on the bins it showed, how far along each
-/// (ln of the factor, `monitored`) with the covariance that pixel noise gives, and what they leave
+/// (ln of the factor, `monitored`) with the covariance that noise gives, and what they leave
 /// (`residual`).
 /// @param framed  on directions.frame (onto_frame): bins of 0 pixels were not seen
 /// @param linear  the part's weights, kept beside

@@ -14,7 +14,7 @@ FAULT = BENCH.folder / "camera_fault"
 STATE_ERROR, STATE_READY = 2, 4
 CAMERA, LIGHTS, ABSENT, MEMORY, FRAMES = 10, 11, 13, 15, 16
 HARDWARE = 1 << 12
-FAILED = 4
+COMPLETED, FAILED = 1, 4
 PATIENCE_S = 60
 
 
@@ -83,7 +83,7 @@ class CameraFaultsTest(unittest.TestCase):
     def tearDown(self):
         BENCH.station = self.station
 
-    def test_a_part_with_a_failing_camera_is_not_judged_and_the_next_one_passes(self):
+    def test_a_part_with_a_failing_camera_is_not_judged_and_the_next_one_is(self):
         # Of a part's ten frames two are without light, four under light 2 and four under light 1.
         cases = [("unplugged 5", ABSENT), ("lost 4", CAMERA), ("black 4", FRAMES), ("frozen 3", FRAMES), ("not_applied 4", FRAMES)]
         with daemon("camera_faults", "--recipe", BENCH.recipe) as (_, port):
@@ -97,8 +97,9 @@ class CameraFaultsTest(unittest.TestCase):
                     station.until(lambda: station.state() == STATE_READY, "back to work")
                     self.assertEqual(station.error(), code, "kept until cleared")
                     station.clear()
-                    verdict, _, reasons = station.inspect()
-                    self.assertEqual((verdict, reasons), (PASS, 0))
+                    # Measured and judged; one good part in a few hundred is rejected by chance.
+                    verdict, state, reasons = station.inspect()
+                    self.assertEqual((verdict & NOT_JUDGED, state, reasons & HARDWARE), (0, COMPLETED, 0))
                     self.assertEqual(station.error(), 0)
 
     def test_a_camera_that_is_away_is_an_error_of_the_station_until_it_comes(self):
@@ -116,7 +117,7 @@ class CameraFaultsTest(unittest.TestCase):
                     station.plc.command(ENABLE)
                     station.until(lambda: station.state() == STATE_READY, "taken into use without a restart")
                     station.clear()
-                    self.assertEqual(station.inspect()[0], PASS)
+                    self.assertEqual(station.inspect()[1], COMPLETED)
                     # And while it is in use.
                     FAULT.write_text(fault + "\n")
                     station.until(lambda: station.state() == STATE_ERROR, "an error in use")

@@ -25,8 +25,6 @@ std::string without(std::string text, const std::string& from, const std::string
 std::string hardware(const std::string& backend, const std::string& device) {
   std::string text = brdfgate::test::kStationText;
   text = without(text, "simulator:\n", "inspection:\n");
-  text = replaced(text, "inspection:\n",
-                  "lights: {chip: gpiochip0, lines: [LED1, LED2]}\ninspection:\n");
   text = without(text, "  scenes:", "\nrig:");
   text += "lights: {chip: gpiochip0, lines: [LED1, LED2]}\n";
   return replaced(text, "  backend: simulated\n", "  backend: " + backend + "\n" + device);

@@ -20,6 +20,7 @@ class SmallBench final : public Station {
   Camera& camera() override { return bench_.camera(); }
   Lights& lights() override { return bench_.lights(); }
   bool simulated() const override { return true; }
+  void check() override {}
   void next_part(std::uint32_t /*trigger_id*/) override {}
 
  private:

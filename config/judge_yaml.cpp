@@ -11,8 +11,6 @@ struct SettingField {
   YamlRange range;
   bool optional = false;  ///< the default stands where the key is missing
 };
-/// Of earlier versions: accepted, without effect.
-constexpr const char* kObsolete[] = {"monitored_weights", "weight_floor_sigma"};
 
 const std::vector<SettingField>& setting_fields() {
   using S = JudgeSettings;
@@ -57,8 +55,6 @@ JudgeSettings read_judge_settings(const YamlNode& node) {
   JudgeSettings settings;
   for (const SettingField& field : setting_fields())
     std::visit(ReadField{node, field, settings}, field.value);
-  for (const char* key : kObsolete)
-    if (node.has(key)) node.number(key, {0, 1e6});
   node.finish();
   return settings;
 }

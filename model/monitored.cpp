@@ -21,11 +21,18 @@ using Eigen::VectorXd;
 /// Error of one mapped observation beside its noise: what binning and the move onto the frame
 /// leave, another one wherever a part lies, since other cells of a bin are then seen.
 constexpr double kBinError = 0.01;
+/// The same of gloss level and roughness as a whole, relative: a narrow highlight of a small region
+/// is seen by few bins, whose errors are not independent. 4 mm and 4 deg moved a good print's gloss
+/// by 5 %.
+constexpr double kHighlightError = 0.01;
 /// Relative step of the derivatives.
 constexpr double kStep = 0.02;
 /// Prior deviation of every change, ln units: a direction that a part's bins do not tell stays at
 /// 0.
 constexpr double kPriorChange = 1.0;
+
+constexpr const char* kGlossLevel = "gloss level";
+constexpr const char* kRoughness = "roughness";
 
 /// Not owning: for a call's duration.
 BrdfPtr borrowed(const Brdf& brdf) {
@@ -137,7 +144,7 @@ MonitoredDirections monitored_directions(const Basis& basis, const Brdf& materia
   d.response.col(channels + 1) = response_to(material, frame, rows, channels, [](double x) {
                                    return BrdfChange{.roughness = x};
                                  }).reshaped();
-  d.names.insert(d.names.end(), {"gloss level", "roughness"});
+  d.names.insert(d.names.end(), {kGlossLevel, kRoughness});
   keep_useful(d);
   return d;
 }
@@ -166,6 +173,11 @@ ClusterObservation observe_along(const MonitoredDirections& directions, const Ba
   out.residual_noise = (noise(seen, Eigen::all).array() + kBinError * kBinError).matrix();
   const VectorXd v = out.residual_noise.reshaped();
   out.monitored_noise = gain * v.asDiagonal() * gain.transpose();
+  for (std::size_t i = 0; i < directions.names.size(); ++i) {
+    if (directions.names[i] != kGlossLevel && directions.names[i] != kRoughness) continue;
+    const auto at = static_cast<Index>(i);
+    out.monitored_noise(at, at) += kHighlightError * kHighlightError;
+  }
   out.residual = (d - t * out.monitored).reshaped(std::ssize(seen), distance.cols());
   return out;
 }

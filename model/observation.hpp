@@ -15,7 +15,7 @@ namespace brdfgate {
 struct ClusterObservation {
   Eigen::MatrixXd weights;          ///< prior sigmas, k x channels
   Eigen::VectorXd monitored;        ///< p: along the monitored directions (monitored.hpp)
-  Eigen::MatrixXd monitored_noise;  ///< p x p covariance of `monitored` from pixel noise alone
+  Eigen::MatrixXd monitored_noise;  ///< p x p covariance of `monitored`: pixel noise and the place
   std::vector<int> bin_id;
   std::vector<HalfDiff> angles;    ///< of those bins
   Eigen::MatrixXd residual;        ///< bins x channels, mapped, what the directions leave

@@ -36,8 +36,9 @@ std::string real_station(const std::string& lights) {
   };
   cut("simulator:\n", "inspection:\n");
   cut("  scenes:", "\nrig:");
-  return replaced(text, "  backend: simulated\n",
-                  "  backend: libcamera\n  device: {pixel_format: SRGGB10, line_time_us: 14.81}\n") +
+  return replaced(
+             text, "  backend: simulated\n",
+             "  backend: libcamera\n  device: {pixel_format: SRGGB10, line_time_us: 14.81}\n") +
          lights;
 }
 

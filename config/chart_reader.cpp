@@ -1,5 +1,7 @@
 #include "config/chart_reader.hpp"
 
+#include <iterator>
+
 #include "config/yaml_reader.hpp"
 
 namespace brdfgate {
@@ -43,7 +45,7 @@ ColourChart read_chart(const std::filesystem::path& file) {
   const YamlNode patches = root.at("patches");
   for (const YamlNode& node : patches.items())
     chart.patches.push_back(read_patch(node, chart.illuminant == "D50"));
-  if (chart.patches.size() != static_cast<std::size_t>(chart.columns * chart.rows)) {
+  if (std::ssize(chart.patches) != chart.columns * chart.rows) {
     patches.fail(std::to_string(chart.patches.size()) + " patches",
                  std::to_string(chart.columns * chart.rows) + ", columns times rows");
   }

@@ -145,7 +145,8 @@ constexpr int kStripes = 8;
 
 template <class Cells>
 BinSums sum_light(const LightInput& in, const Cells& cells) {
-  const auto size = static_cast<std::size_t>(in.clusters * in.bins.bins());
+  const auto size =
+      static_cast<std::size_t>(in.clusters) * static_cast<std::size_t>(in.bins.bins());
   std::vector<BinSums> stripes(kStripes, BinSums(size));
   cv::parallel_for_(cv::Range(0, kStripes), [&](const cv::Range& range) {
     for (int i = range.start; i < range.end; ++i) {

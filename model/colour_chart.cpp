@@ -45,8 +45,9 @@ const Eigen::Array3d& white_d50() {
 
 Eigen::Vector2d ColourChart::centre_m(std::size_t patch) const {
   const auto at = static_cast<int>(patch);
-  return {pitch_m * (at / columns - (rows - 1) / 2.0),
-          pitch_m * (at % columns - (columns - 1) / 2.0)};
+  const int row = at / columns;
+  const int column = at % columns;
+  return {pitch_m * (row - (rows - 1) / 2.0), pitch_m * (column - (columns - 1) / 2.0)};
 }
 
 std::size_t ColourChart::patch_at(const Eigen::Vector2d& p_m) const {

@@ -98,7 +98,7 @@ Rgb reflected(const PartSurface& part, const PlaneView& view, const Vector3d& p,
   const Vector3d wo = (view.eye - p).normalized();
   const double slope = part.flat() ? 0 : part.slope(p.head<2>());
   const auto from = [&](const Arrival& a, const HalfDiff& angles) -> Rgb {
-    const Rgb flat = a.geometry * part.f(p.head<2>(), angles);
+    Rgb flat = a.geometry * part.f(p.head<2>(), angles);
     if (slope == 0) return flat;
     // The normal is (-slope, 0, 1): cos_i changes, and a Lambertian's f does not.
     const double cos_i = (a.wi.z() - slope * a.wi.x()) / std::hypot(1, slope);

@@ -43,70 +43,78 @@ Time least_time(int repeats, const std::function<void()>& work) {
   return best;
 }
 
+/// A taught recipe and one more part, with what the stages need of it.
+struct Setting {
+  StationConfig config = read_station_config(test::shipped_file("station.yaml"));
+  Inspector inspector = load_inspector(config);
+  Capture part;
+  RecipeInForce recipe;
+  RadianceSet radiance;
+  std::vector<Reflectance> reflectance;
+  Inspection seen;
+
+  Setting() {
+    const auto station = open_station(config);
+    Teacher teacher(inspector);
+    for (std::uint32_t i = 0; i < 4; ++i) {
+      station->next_part(1);
+      part = capture_part(*station, config.camera);
+      if (i < 3) teacher.add("part " + std::to_string(i), part);
+    }
+    recipe = inspector.bring_into_force(teacher.recipe("bench", 1));
+    seen = inspector.inspect(part, &recipe);  // trains what is trained once
+    radiance = to_radiance(part, inspector.calibration());
+    reflectance = to_reflectance(radiance, inspector.calibration());
+  }
+};
+
+using Stage = std::function<void(const char*, const std::function<void()>&)>;
+
+void image_stages(const Setting& s, const Stage& stage) {
+  const StationGeometry& geometry = s.inspector.calibration().geometry;
+  const StationMap& map = s.inspector.map();
+  const Regions& regions = s.seen.result.regions;
+  PoseSamples samples;
+  stage("  reflectance", [&] { to_reflectance(s.radiance, s.inspector.calibration()); });
+  stage("  fixture", [&] { fixture_cells(s.reflectance, s.config.inspection.fixture); });
+  stage("  pose samples",
+        [&] { samples = pose_samples(s.reflectance, geometry, map.cells, regions.label == 0); });
+  stage("  pose estimate",
+        [&] { estimate_pose(s.inspector.basis(), samples, {0.3 * EIGEN_PI / 180, 0}); });
+  stage("  bins averaged as taught", [&] { bin_all(s.reflectance, map, regions); });
+  stage("  bins averaged in the part's pose",
+        [&] { bin_all(s.reflectance, map, regions, {geometry, {0.002, 0.001, 0}}); });
+  stage("  cell geometry in double (not in the cycle)",
+        [&] { cell_geometry(geometry, s.inspector.calibration().sensor, {1, 1}); });
+}
+
+void cluster_stages(const Setting& s, const Stage& stage) {
+  const Basis& basis = s.inspector.basis();
+  const Weights& weights = s.seen.result.clusters[0].raw;
+  const BrdfPtr brdf = make_brdf(s.inspector.shared_basis(), weights);
+  stage("  ridge, one cluster", [&] { ridge(basis, s.seen.samples[0]); });
+  stage("  estimator, one cluster", [&] { s.inspector.estimator().estimate(s.seen.samples[0]); });
+  stage("  BRDF of a cluster", [&] { make_brdf(s.inspector.shared_basis(), weights); });
+  stage("  gloss", [&] { gloss_gu(*brdf); });
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   const int repeats = argc > 1 ? std::max(1, std::stoi(argv[1])) : 7;
-  const StationConfig config = read_station_config(test::shipped_file("station.yaml"));
-  const Inspector inspector = load_inspector(config);
-  const auto station = open_station(config);
-  Teacher teacher(inspector);
-  Capture part;
-  for (std::uint32_t i = 0; i < 4; ++i) {
-    station->next_part(1);
-    part = capture_part(*station, config.camera);
-    if (i < 3) teacher.add("part " + std::to_string(i), part);
-  }
-  const RecipeInForce recipe = inspector.bring_into_force(teacher.recipe("bench", 1));
-  inspector.inspect(part, &recipe);  // trains what is trained once
-
-  const RadianceSet radiance = to_radiance(part, inspector.calibration().noise, 2);
-  const auto reflectance = to_reflectance(radiance, inspector.calibration());
-  const Time merge =
-      least_time(repeats, [&] { to_radiance(part, inspector.calibration().noise, 2); });
-  const Time whole = least_time(repeats, [&] { inspector.inspect(part, &recipe); });
-  const Time unknown = least_time(repeats, [&] { inspector.inspect(part, nullptr); });
-  const auto report = [&](const char* name, const Time& t) {
-    std::printf("%-42s %8.1f ms %8.1f ms of processor, %5.2f times the merge\n", name, t.wall_ms,
+  const Setting s;
+  const Time merge = least_time(repeats, [&] { to_radiance(s.part, s.inspector.calibration()); });
+  const auto stage = [&](const char* name, const std::function<void()>& work) {
+    const Time t = least_time(repeats, work);
+    std::printf("%-46s %8.1f ms %8.1f ms of processor, %5.2f times the merge\n", name, t.wall_ms,
                 t.cpu_ms, t.cpu_ms / merge.cpu_ms);
   };
-  report("brackets to radiance (the floor)", merge);
-  report("inspection against a recipe", whole);
-  report("inspection without a recipe", unknown);
+  stage("brackets to radiance (the floor)",
+        [&] { to_radiance(s.part, s.inspector.calibration()); });
+  stage("inspection against a recipe", [&] { s.inspector.inspect(s.part, &s.recipe); });
+  stage("inspection without a recipe", [&] { s.inspector.inspect(s.part, nullptr); });
   std::printf("stages\n");
-  const Inspection seen = inspector.inspect(part, &recipe);
-  const StationGeometry& geometry = inspector.calibration().geometry;
-  const SensorFormat& sensor = inspector.calibration().sensor;
-  const cv::Mat body = seen.result.regions.label == 0;
-  const PosePrior prior{0.3 * EIGEN_PI / 180, 0};
-  PoseSamples samples;
-  const auto stage = [&](const char* name, const std::function<void()>& work) {
-    report(name, least_time(repeats, work));
-  };
-  stage("  reflectance", [&] { to_reflectance(radiance, inspector.calibration()); });
-  stage("  fixture", [&] { fixture_cells(reflectance, config.inspection.fixture); });
-  const cv::Mat not_part = seen.result.regions.label == kNotPart;
-  stage("  assignment to taught regions", [&] {
-    assign_regions(reflectance, inspector.map().bins, not_part, recipe.appearance, 0.45);
-  });
-  stage("  pose samples",
-        [&] { samples = pose_samples(reflectance, geometry, inspector.map().cells, body); });
-  stage("  pose estimate", [&] { estimate_pose(inspector.basis(), samples, prior); });
-  stage("  bins averaged as taught",
-        [&] { bin_all(reflectance, inspector.map(), seen.result.regions); });
-  stage("  bins averaged in the part's pose", [&] {
-    bin_all(reflectance, inspector.map(), seen.result.regions, {geometry, {0.002, 0.001, 0}});
-  });
-  stage("  cell geometry in double (not in the cycle)",
-        [&] { cell_geometry(geometry, sensor, {1, 1}); });
-  stage("  ridge, one cluster", [&] { ridge(inspector.basis(), seen.samples[0]); });
-  stage("  estimator, one cluster", [&] { inspector.estimator().estimate(seen.samples[0]); });
-  const BrdfPtr brdf = make_brdf(inspector.shared_basis(), seen.result.clusters[0].raw);
-  stage("  make_brdf", [&] { make_brdf(inspector.shared_basis(), seen.result.clusters[0].raw); });
-  stage("  gloss", [&] { gloss_gu(*brdf); });
-  stage("  defects", [&] {
-    find_defects(reflectance, inspector.map(), seen.result.regions, recipe.appearance,
-                 recipe.recipe.settings);
-  });
-  return whole.cpu_ms > 0 ? 0 : 1;
+  image_stages(s, stage);
+  cluster_stages(s, stage);
+  return merge.cpu_ms > 0 ? 0 : 1;
 }

@@ -70,7 +70,7 @@ CameraUnderTest camera_under_test() {
   t.timeout = std::chrono::milliseconds(static_cast<long>(config.frame_timeout_ms));
   t.held = held;
   const char* cycles = std::getenv("BRDFGATE_CYCLES");
-  t.cycles = cycles != nullptr ? std::atoi(cycles) : 100;
+  t.cycles = cycles != nullptr ? std::stoi(cycles) : 100;
   t.unplug = command_of("BRDFGATE_UNPLUG");
   t.replug = command_of("BRDFGATE_REPLUG");
   if (!t.replug) t.unplug = {};

@@ -179,13 +179,13 @@ Capture capture(const Scene& scene, const StationConfig& config, std::uint64_t s
 
 std::vector<MeasuredPart> produce(const Fault& fault, const StationConfig& config,
                                   const Inspector& inspector, const RecipeInForce* recipe,
-                                  std::uint64_t seed, int first, int count) {
-  std::vector<MeasuredPart> parts(static_cast<std::size_t>(count));
-  parallel_for_each(count, [&](int i) {
+                                  const Batch& batch) {
+  std::vector<MeasuredPart> parts(static_cast<std::size_t>(batch.count));
+  parallel_for_each(batch.count, [&](int i) {
     Scene scene = fault.scene;
     if (!fault.places.empty())
-      scene.defects.at(0).at_mm = fault.places[std::size_t(first + i) % fault.places.size()];
-    Inspection seen = inspector.measure(capture(scene, config, seed, first + i), recipe);
+      scene.defects.at(0).at_mm = fault.places[std::size_t(i) % fault.places.size()];
+    Inspection seen = inspector.measure(capture(scene, config, batch.seed, i), recipe);
     MeasuredPart& part = parts[static_cast<std::size_t>(i)];
     part.clusters = std::move(seen.result.clusters);
     part.observed = std::move(seen.observed);

@@ -48,10 +48,16 @@ struct MeasuredPart {
   std::array<double, 2> tilt_sigma_deg{};
 };
 
-/// Parts `first` to first + count - 1 of a seed, rendered, captured and measured.
+/// Parts 0 to count - 1 of a seed.
+struct Batch {
+  std::uint64_t seed = 0;
+  int count = 0;
+};
+
+/// A batch of parts with one fault, rendered, captured and measured.
 std::vector<MeasuredPart> produce(const Fault& fault, const StationConfig& config,
                                   const Inspector& inspector, const RecipeInForce* recipe,
-                                  std::uint64_t seed, int first, int count);
+                                  const Batch& batch);
 
 /// A capture of one part on a bench of its own.
 Capture capture(const Scene& scene, const StationConfig& config, std::uint64_t seed, int index);

@@ -226,7 +226,7 @@ void run_faults(Study& study, const Kind& kind, const RecipeInForce& force,
     const bool last = i + 1 == all.size() || all[i + 1].name != all[i].name;
     const int n = last ? study.options.bad : study.options.some;
     const auto parts =
-        produce(all[i], study.config, study.inspector, &force, kBadSeed + 10 * i, 0, n);
+        produce(all[i], study.config, study.inspector, &force, {kBadSeed + 10 * i, n});
     const Tally strict = tally(parts, sets, 0, false), loose = tally(parts, sets, 1, false);
     fmt::print("| {} | {:g} | {} | {:.2f} % | {:.2f} % | {:.2f} % | {} |\n", all[i].name,
                all[i].size, n, 100 * strict.share(), 100 * lower_bound(strict.equivalent(), n),
@@ -255,7 +255,7 @@ void run(Study& study, const Kind& kind) {
     teacher.add(kind.name, capture(kind.good, study.config, kTeachSeed, i));
   const RecipeInForce force = study.inspector.bring_into_force(teacher.recipe(kind.name, 1));
   const auto pool = produce({"good", 0, kind.good}, study.config, study.inspector, &force,
-                            kGoodSeed, 0, study.options.good);
+                            {kGoodSeed, study.options.good});
   const auto sets = draw_sets(pool, force.recipe, study.options);
   print_taught(kind, sets.front());
   const StationConfig& config = study.config;

@@ -278,6 +278,10 @@ class FakeV4l2 final : public V4l2System {
   int request_buffers(v4l2_requestbuffers& request);
   int dequeue(v4l2_buffer& buffer);
   int set_format(v4l2_format& format) const;
+  using Controls = std::map<std::uint32_t, FakeControl>;
+  int query_control(const Controls& controls, v4l2_query_ext_ctrl& asked) const;
+  int get_control(const Controls& controls, v4l2_ext_control& value) const;
+  int query_buffer(v4l2_buffer& buffer) const;
 
   FakeSensor sensor_;
   std::int64_t now_ = 1'000'000'000'000;
@@ -343,6 +347,32 @@ inline int FakeV4l2::set_format(v4l2_format& format) const {
   return 0;
 }
 
+inline int FakeV4l2::query_control(const Controls& controls, v4l2_query_ext_ctrl& asked) const {
+  if (asked.id == V4L2_CID_PIXEL_RATE && pixel_rate > 0) return 0;
+  const auto it = controls.find(asked.id);
+  if (it == controls.end()) return -EINVAL;
+  asked.minimum = it->second.least;
+  asked.maximum = it->second.most;
+  asked.step = static_cast<std::uint64_t>(it->second.step);
+  asked.default_value = it->second.least;
+  return 0;
+}
+
+inline int FakeV4l2::get_control(const Controls& controls, v4l2_ext_control& value) const {
+  if (value.id == V4L2_CID_PIXEL_RATE) {
+    value.value64 = pixel_rate;
+  } else {
+    value.value = static_cast<std::int32_t>(controls.at(value.id).value);
+  }
+  return 0;
+}
+
+inline int FakeV4l2::query_buffer(v4l2_buffer& buffer) const {
+  buffer.length = static_cast<std::uint32_t>(buffers_.at(buffer.index)->bytes.size());
+  buffer.m.offset = buffer.index * kPage;
+  return 0;
+}
+
 inline int FakeV4l2::ioctl(int fd, unsigned long request, void* argument) {
   if (!present) return -ENODEV;
   auto& controls = fd == kSubdevice ? sensor_controls : video_controls;
@@ -359,36 +389,16 @@ inline int FakeV4l2::ioctl(int fd, unsigned long request, void* argument) {
       static_cast<v4l2_streamparm*>(argument)->parm.capture.timeperframe = {
           static_cast<std::uint32_t>(std::lround(sensor_.interval_s * 1e6)), 1000000};
       return 0;
-    case VIDIOC_QUERY_EXT_CTRL: {
-      auto& asked = *static_cast<v4l2_query_ext_ctrl*>(argument);
-      if (asked.id == V4L2_CID_PIXEL_RATE && pixel_rate > 0) return 0;
-      const auto it = controls.find(asked.id);
-      if (it == controls.end()) return -EINVAL;
-      asked.minimum = it->second.least;
-      asked.maximum = it->second.most;
-      asked.step = static_cast<std::uint64_t>(it->second.step);
-      asked.default_value = it->second.least;
-      return 0;
-    }
-    case VIDIOC_G_EXT_CTRLS: {
-      auto& value = *static_cast<v4l2_ext_controls*>(argument)->controls;
-      if (value.id == V4L2_CID_PIXEL_RATE) {
-        value.value64 = pixel_rate;
-      } else {
-        value.value = static_cast<std::int32_t>(controls.at(value.id).value);
-      }
-      return 0;
-    }
+    case VIDIOC_QUERY_EXT_CTRL:
+      return query_control(controls, *static_cast<v4l2_query_ext_ctrl*>(argument));
+    case VIDIOC_G_EXT_CTRLS:
+      return get_control(controls, *static_cast<v4l2_ext_controls*>(argument)->controls);
     case VIDIOC_S_EXT_CTRLS:
       return set_controls(controls, *static_cast<v4l2_ext_controls*>(argument)->controls);
     case VIDIOC_REQBUFS:
       return request_buffers(*static_cast<v4l2_requestbuffers*>(argument));
-    case VIDIOC_QUERYBUF: {
-      auto& buffer = *static_cast<v4l2_buffer*>(argument);
-      buffer.length = static_cast<std::uint32_t>(buffers_.at(buffer.index)->bytes.size());
-      buffer.m.offset = buffer.index * kPage;
-      return 0;
-    }
+    case VIDIOC_QUERYBUF:
+      return query_buffer(*static_cast<v4l2_buffer*>(argument));
     case VIDIOC_QBUF:
       queued_.push_back(static_cast<v4l2_buffer*>(argument)->index);
       return 0;

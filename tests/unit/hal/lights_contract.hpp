@@ -18,6 +18,26 @@ struct LightsUnderTest {
   std::function<LightIndex()> burning;
 };
 
+inline void check_settling(Lights& lights, const std::function<LightIndex()>& burning) {
+  const std::int64_t settle_ns = lights.settled_at_ns() - lights.switched_at_ns();
+  CHECK(settle_ns >= 0);
+  lights.on(1);
+  static_cast<void>(burning());
+  lights.on(2);
+  const std::int64_t second = lights.switched_at_ns();
+  static_cast<void>(burning());
+  lights.on(2);
+  CHECK(lights.switched_at_ns() == second);
+  CHECK(lights.settled_at_ns() == second + settle_ns);
+  lights.all_off();
+  const std::int64_t off = lights.switched_at_ns();
+  CHECK(off > second);
+  static_cast<void>(burning());
+  lights.all_off();
+  CHECK(lights.switched_at_ns() == off);
+  CHECK(lights.settled_at_ns() == off + settle_ns);
+}
+
 /// Call it inside a TEST_CASE; `make` gives fresh lights, at least two.
 inline void check_lights_contract(const std::function<LightsUnderTest()>& make) {
   const LightsUnderTest under_test = make();
@@ -50,23 +70,7 @@ inline void check_lights_contract(const std::function<LightsUnderTest()>& make) 
     }
   }
   SECTION("only a change moves the time from which frames count, by the settle time") {
-    const std::int64_t settle_ns = lights.settled_at_ns() - lights.switched_at_ns();
-    CHECK(settle_ns >= 0);
-    lights.on(1);
-    static_cast<void>(burning());
-    lights.on(2);
-    const std::int64_t second = lights.switched_at_ns();
-    static_cast<void>(burning());
-    lights.on(2);
-    CHECK(lights.switched_at_ns() == second);
-    CHECK(lights.settled_at_ns() == second + settle_ns);
-    lights.all_off();
-    const std::int64_t off = lights.switched_at_ns();
-    CHECK(off > second);
-    static_cast<void>(burning());
-    lights.all_off();
-    CHECK(lights.switched_at_ns() == off);
-    CHECK(lights.settled_at_ns() == off + settle_ns);
+    check_settling(lights, burning);
   }
   SECTION("what was switched stands") {
     CHECK_NOTHROW(lights.verify());

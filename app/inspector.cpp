@@ -105,6 +105,21 @@ void add_readings(ClusterResult& cluster, const BrdfPtr& brdf, const PeakSight& 
   }
 }
 
+/// What local residuals are told from: the material that they were taught against, or, where none
+/// were, the clusters' means.
+std::vector<BrdfPtr> defect_materials(const Recipe& recipe,
+                                      const std::shared_ptr<const Basis>& basis) {
+  const double to_c = 1 / std::sqrt(double(basis->info().observations));
+  std::vector<BrdfPtr> materials;
+  for (std::size_t i = 0; i < recipe.clusters.size(); ++i) {
+    Weights weights;
+    weights.c = to_c * (i < recipe.defects.material.size() ? recipe.defects.material[i]
+                                                           : recipe.clusters[i].mean);
+    materials.push_back(make_brdf(basis, weights));
+  }
+  return materials;
+}
+
 }  // namespace
 
 Inspector::Inspector(const StationConfig& config, std::shared_ptr<const Basis> basis,
@@ -124,6 +139,7 @@ Inspector::Inspector(const StationConfig& config, std::shared_ptr<const Basis> b
   map_.cells = cell_geometry(geometry_, calibration_.sensor, region);
   map_.bins = make_bin_map(map_.cells);
   white_levels_ = white_levels(calibration_);
+  blocks_ = std::make_shared<DefectBlocks>(geometry_, map_.cells);
   estimator_ = make_estimator({settings_.method, settings_.eta}, basis_);
   if (settings_.monitor) {
     patch_ = patch_cells(calibration_.geometry, calibration_.sensor, *settings_.monitor);
@@ -149,7 +165,7 @@ RecipeInForce Inspector::bring_into_force(Recipe recipe) const {
         fmt::format("part_height_mm {} is another height of the part", recipe.part_height_mm),
         fmt::format("{} as in inspection.part_height_mm (teach again)", settings_.part_height_mm));
   }
-  RecipeInForce force{std::move(recipe), {}, {}};
+  RecipeInForce force{std::move(recipe), {}, {}, {}};
   const double to_c = 1 / std::sqrt(double(basis_->info().observations));
   for (const TaughtCluster& cluster : force.recipe.clusters) {
     TaughtAppearance look{Eigen::ArrayXXd(map_.bins.bins(), cluster.mean.cols())};
@@ -169,6 +185,7 @@ RecipeInForce Inspector::bring_into_force(Recipe recipe) const {
     }
     force.frames.push_back(cluster.directions.frame);
   }
+  force.defect_material = defect_materials(force.recipe, basis_);
   return force;
 }
 
@@ -235,6 +252,7 @@ Regions Inspector::regions_of(Inspection& part, const RecipeInForce* recipe) con
   }
   if (recipe == nullptr) return find_regions(r, map_.cells, not_part, settings_.max_clusters);
   const cv::Mat taught = place(part, not_part, recipe->recipe);
+  part.taught_labels = taught;
   Regions regions = assign_regions(r, map_.bins, not_part, recipe->appearance,
                                    recipe->recipe.settings.assign_tolerance, taught);
   if (!taught.empty()) part.facts.in_place = shares_in_place(regions, taught);
@@ -299,6 +317,14 @@ void Inspector::measure_clusters(Inspection& part, const RecipeInForce* recipe) 
   }
 }
 
+DefectEvidence Inspector::evidence_of(const Inspection& part, const RecipeInForce& recipe) const {
+  const PartResult& seen = part.result;
+  const PartPose pose{seen.tilt_deg[0] * kDegree, seen.tilt_deg[1] * kDegree,
+                      seen.height_mm * 1e-3};
+  return defect_evidence(part.reflectance, home_labels(seen.regions, part.taught_labels), *blocks_,
+                         pose, recipe.defect_material);
+}
+
 double Inspector::ambient_level(const Radiance& ambient, const std::vector<Reflectance>& r,
                                 const cv::Mat& on_part) const {
   // The bare fixture around the part is Lambertian and known; the part itself is the second best
@@ -344,8 +370,9 @@ Inspection Inspector::measure(const Capture& capture, const RecipeInForce* recip
       double(cv::countNonZero(regions.label == kUnknown)) / std::max(1, cv::countNonZero(on_part));
   measure_clusters(part, recipe);
   if (recipe != nullptr) {
-    part.facts.defects =
-        find_defects(part.reflectance, map_, regions, recipe->appearance, recipe->recipe.settings);
+    part.evidence = evidence_of(part, *recipe);
+    part.facts.defects = find_defects(part.evidence, *blocks_, recipe->recipe.defects,
+                                      recipe->defect_material, recipe->recipe.settings);
   }
   part.facts.tilt_deg = part.result.tilt_deg;
   part.facts.shift_mm = part.result.shift_mm;

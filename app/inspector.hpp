@@ -12,6 +12,7 @@
 #include "model/canonical.hpp"
 #include "model/estimators.hpp"
 #include "model/judge.hpp"
+#include "model/local_defects.hpp"
 #include "model/pose_estimate.hpp"
 #include "model/recipe.hpp"
 #include "model/verdict.hpp"
@@ -25,7 +26,9 @@ struct Inspection {
   std::vector<BinnedSamples> samples;    ///< per cluster
   std::vector<Weights> linear;           ///< per cluster: ridge, what deviations are told from
   std::vector<std::optional<ClusterObservation>> observed;  ///< per cluster with valid weights
-  PartFacts facts;  ///< what is known of the part as a whole
+  PartFacts facts;        ///< what is known of the part as a whole
+  cv::Mat taught_labels;  ///< per cell, where the registered part has them; empty without a layout
+  DefectEvidence evidence;  ///< residuals against the taught material; empty without a recipe
 };
 
 /// A recipe with what is derived from it once, when it comes into force.
@@ -33,6 +36,7 @@ struct RecipeInForce {
   Recipe recipe;
   std::vector<TaughtAppearance> appearance;  ///< per cluster
   std::vector<BinFrame> frames;              ///< per cluster; empty: a part's own bins
+  std::vector<BrdfPtr> defect_material;      ///< per cluster: what local residuals are told from
 };
 
 /// Holds what is fixed while calibration and basis are: directions, bins, expected appearances.
@@ -63,6 +67,9 @@ class Inspector {
   Inspection inspect(const Capture& capture, const RecipeInForce* recipe,
                      const CalibrationAge& age = {}) const;
 
+  /// A measured part's residuals against a recipe's materials, whichever way it was measured.
+  DefectEvidence evidence_of(const Inspection& part, const RecipeInForce& recipe) const;
+
   const Basis& basis() const { return *basis_; }
   std::shared_ptr<const Basis> shared_basis() const { return basis_; }
   const Calibration& calibration() const { return calibration_; }
@@ -76,6 +83,7 @@ class Inspector {
   /// Whether seen_colour() is colour: a chart in the calibration, or a declared camera.
   bool colour_known() const;
   double part_height_mm() const { return settings_.part_height_mm; }
+  const DefectBlocks& defect_blocks() const { return *blocks_; }
   /// In force without a recipe; a recipe brings its own.
   const JudgeSettings& judge_settings() const { return judge_; }
   double eta() const { return settings_.eta; }
@@ -103,6 +111,7 @@ class Inspector {
   StationMap map_;
   std::vector<cv::Point> patch_;  ///< cells of the monitor patch, where there is one
   std::vector<double> white_levels_;
+  std::shared_ptr<const DefectBlocks> blocks_;
   std::shared_ptr<const Estimator> estimator_;
 };
 

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "app/defect_yaml.hpp"
 #include "app/result_json.hpp"
 #include "config/judge_yaml.hpp"
 #include "config/yaml_reader.hpp"
@@ -82,7 +83,12 @@ class Writer {
     key("clusters") << YAML::BeginSeq;
     for (const TaughtCluster& taught : r.clusters)
       cluster(taught);
-    out_ << YAML::EndSeq << YAML::EndMap;
+    out_ << YAML::EndSeq;
+    if (r.defects.parts > 0) {
+      key("defects");
+      write_defect_reference(out_, r.defects);
+    }
+    out_ << YAML::EndMap;
     if (!out_.good())
       throw InputError("recipe", "cannot be written as YAML: " + out_.GetLastError());
     return std::string(out_.c_str()) + "\n";
@@ -365,6 +371,10 @@ Recipe read_recipe(const std::filesystem::path& file) {
   r.settings = read_judge_settings(root.at("settings"));
   r.clusters = read_clusters(root, r);
   if (root.has("layout")) r.layout = read_layout(root.at("layout"), r.clusters.size());
+  if (root.has("defects")) {
+    r.defects =
+        read_defect_reference(root.at("defects"), r.clusters.size(), r.components, r.channels);
+  }
   root.finish();
   return r;
 }

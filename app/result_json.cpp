@@ -83,7 +83,8 @@ json defects_to_json(const std::vector<Defect>& defects) {
     out.push_back({{"kind", d.kind},
                    {"at_mm", {finite(d.at_mm[0]), finite(d.at_mm[1])}},
                    {"size_mm", finite(d.size_mm)},
-                   {"score", finite(d.score)}});
+                   {"score", finite(d.score)},
+                   {"change_ln", finite(d.change)}});
   }
   return out;
 }

@@ -121,6 +121,8 @@ void Teacher::keep(const std::string& name, const Inspection& part) {
   }
   shift_mm_ += Eigen::Vector2d(part.result.shift_mm[0], part.result.shift_mm[1]);
   rotation_deg_ += part.result.rotation_deg;
+  defects_.push_back(part.evidence.lights.empty() ? inspector_.evidence_of(part, *draft_)
+                                                  : part.evidence);
   for (std::size_t i = 0; i < samples_.size(); ++i) {
     const ClusterResult& cluster = part.result.clusters.at(i);
     if (!cluster.valid.weights) {
@@ -165,6 +167,10 @@ Recipe Teacher::recipe(const std::string& name, int id) const {
     if (recipe.channels == 3) taught.lab = lab_45_0(*seen);
     recipe.clusters[i] = std::move(taught);
   }
+  recipe.defects =
+      teach_defects(defects_, inspector_.defect_blocks(), recipe.settings.false_reject_rate);
+  for (const TaughtCluster& first : draft_->recipe.clusters)
+    recipe.defects.material.push_back(first.mean);
   add_warnings(recipe);
   return recipe;
 }

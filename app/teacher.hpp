@@ -38,6 +38,7 @@ class Teacher {
   /// Sums of the parts' poses against the first one's.
   Eigen::Vector2d shift_mm_ = Eigen::Vector2d::Zero();
   double rotation_deg_ = 0;
+  std::vector<DefectEvidence> defects_;       ///< per part: local residuals
   std::vector<Eigen::MatrixXd> weight_sums_;  ///< per cluster: published weights, summed
 };
 

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <opencv2/core.hpp>
 #include <string>
 #include <vector>
 
@@ -24,7 +25,7 @@ struct JudgeSettings {
   double area_share_limit = 0.03;      ///< change of a cluster's share of the part
   double unknown_share_limit = 0.002;  ///< share of the part that no taught cluster explains
   double assign_tolerance = 0.45;      ///< ln f; farther from every taught cluster is unknown
-  double defect_log_threshold = 0.2;   ///< |ln(f / expected)| of a local defect's cells
+  double defect_log_threshold = 0.03;  ///< |ln(f / expected)| of the smallest local defect
   double defect_min_mm2 = 1.0;         ///< smaller blobs are not reported
   double max_ambient = 0.05;           ///< share of white; beyond: not judged
   double max_clipped = 0.02;           ///< share of the part's cells; beyond: not judged
@@ -54,6 +55,18 @@ struct TaughtCluster {
   Lab lab = Lab::Zero();
 };
 
+/// What good parts show of local departures from their material: on tiles of kTileBlocks x
+/// kTileBlocks defect blocks, per light (local_defects.hpp).
+struct DefectReference {
+  static constexpr int kTileBlocks = 4;
+  int parts = 0;                          ///< taught from; 0: nothing taught, wide priors stand in
+  double limit = 0;                       ///< on |z| of a part
+  std::vector<Eigen::MatrixXd> material;  ///< per cluster k x channels, prior sigmas: what
+                                          ///< residuals are told from
+  std::vector<cv::Mat> mean;              ///< per light CV_32FC(channels), ln units
+  std::vector<cv::Mat> deviation;         ///< per light, same type: part to part, > 0
+};
+
 struct Recipe {
   int id = 1;
   std::string name;
@@ -67,7 +80,8 @@ struct Recipe {
   JudgeSettings settings;
   TaughtLayout layout;                  ///< empty: parts are not registered
   std::vector<TaughtCluster> clusters;  ///< 1..8
-  std::vector<std::string> warnings;    ///< e.g. taught from one part
+  DefectReference defects;
+  std::vector<std::string> warnings;  ///< e.g. taught from one part
 };
 
 /// What teaching needs of one good part's cluster.

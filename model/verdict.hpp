@@ -95,7 +95,8 @@ struct Defect {
   std::string kind;               ///< darker, lighter, duller, glossier or colour
   std::array<double, 2> at_mm{};  ///< centre, world x and y
   double size_mm = 0;             ///< diameter of the disc of equal area
-  double score = 0;               ///< mean |ln(f / expected)| over the threshold
+  double score = 0;               ///< largest |z| over its limit, 1 or more (local_defects.hpp)
+  double change = 0;              ///< mean ln(f / expected) in the light and channel that shows it
 };
 
 /// One cluster of one part, as published.
@@ -146,11 +147,5 @@ struct PartResult {
   std::vector<ClusterResult> clusters;
   Regions regions;
 };
-
-/// Blobs of cells whose reflectance under light 2 is off what their taught cluster shows there.
-std::vector<Defect> find_defects(const std::vector<Reflectance>& r, const StationMap& map,
-                                 const Regions& regions,
-                                 const std::vector<TaughtAppearance>& taught,
-                                 const JudgeSettings& settings);
 
 }  // namespace brdfgate

@@ -96,6 +96,11 @@ void cluster_stages(const Setting& s, const Stage& stage) {
   stage("  estimator, one cluster", [&] { s.inspector.estimator().estimate(s.seen.samples[0]); });
   stage("  BRDF of a cluster", [&] { make_brdf(s.inspector.shared_basis(), weights); });
   stage("  gloss", [&] { gloss_gu(*brdf); });
+  const JudgeSettings& settings = s.recipe.recipe.settings;
+  stage("  local defects, evidence and search", [&] {
+    find_defects(s.inspector.evidence_of(s.seen, s.recipe), s.inspector.defect_blocks(),
+                 s.recipe.recipe.defects, s.recipe.defect_material, settings);
+  });
 }
 
 }  // namespace

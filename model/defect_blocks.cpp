@@ -1,0 +1,322 @@
+// Blocks of cells, and a part's residuals on them.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "model/error.hpp"
+#include "model/local_defects.hpp"
+#include "model/log_image.hpp"
+#include "model/parallel.hpp"
+
+namespace brdfgate {
+namespace {
+
+/// Area of the plane that a block is to cover, m^2: a defect of 1 mm^2 is three of them.
+constexpr double kBlockArea = 0.35e-6;
+/// Cells along the part's and the clusters' borders that are not looked at: mixed by the optics.
+constexpr int kBorderCells = 3;
+/// Window of the part's own slow departure: several times the largest defect window.
+constexpr double kBackgroundMm = 14;
+/// Residuals beyond so many robust deviations do not pull the background.
+constexpr float kRobustSigmas = 3.0F;
+/// What the estimate of the pose leaves open (docs/accuracy.md: 0.02 to 0.04 deg on glossy parts).
+constexpr double kPoseSigma = 0.03 * EIGEN_PI / 180;
+
+/// Area of the plane that one cell sees, m^2.
+double cell_area(const cv::Mat& position, int v, int u) {
+  const auto step = [&position](int v0, int u0, int v1, int u1) -> cv::Vec2d {
+    return cv::Vec2d(position.at<cv::Vec2f>(v1, u1)) - cv::Vec2d(position.at<cv::Vec2f>(v0, u0));
+  };
+  const int u0 = std::max(u - 1, 0), u1 = std::min(u + 1, position.cols - 1);
+  const int v0 = std::max(v - 1, 0), v1 = std::min(v + 1, position.rows - 1);
+  const cv::Vec2d a = step(v, u0, v, u1) / std::max(1, u1 - u0);
+  const cv::Vec2d b = step(v0, u, v1, u) / std::max(1, v1 - v0);
+  return std::abs(a[0] * b[1] - a[1] * b[0]);
+}
+
+/// Cells at least kBorderCells away from any other cluster and from what is not part.
+cv::Mat away_from_borders(const cv::Mat& home) {
+  const int side = 2 * kBorderCells + 1;
+  const cv::Mat square = cv::getStructuringElement(cv::MORPH_RECT, {side, side});
+  cv::Mat least, most;
+  cv::erode(home, least, square, {-1, -1}, 1, cv::BORDER_REPLICATE);
+  cv::dilate(home, most, square, {-1, -1}, 1, cv::BORDER_REPLICATE);
+  return (least == most) & (home < 8);
+}
+
+/// Cluster of each block that lies wholly inside one.
+cv::Mat block_homes(const cv::Mat& home, const DefectBlocks& blocks) {
+  const cv::Mat inner = away_from_borders(home);
+  cv::Mat out(blocks.size(), CV_8UC1, cv::Scalar(kNotPart));
+  const int n = blocks.side();
+  for (int v = 0; v < out.rows; ++v) {
+    for (int u = 0; u < out.cols; ++u) {
+      const cv::Rect cells(u * n, v * n, n, n);
+      bool whole = true;
+      for (int y = cells.y; y < cells.y + n && whole; ++y) {
+        const auto* row = inner.ptr<unsigned char>(y) + cells.x;
+        whole = std::all_of(row, row + n, [](unsigned char c) { return c != 0; });
+      }
+      if (whole) out.at<unsigned char>(v, u) = home.at<unsigned char>(cells.y, cells.x);
+    }
+  }
+  return out;
+}
+
+/// Mean over a block's cells; false where one of them is masked.
+template <int Channels>
+bool block_mean(const Reflectance& r, const cv::Rect& cells, std::array<float, 3>& value,
+                std::array<float, 3>& variance) {
+  value.fill(0);
+  variance.fill(0);
+  for (int v = cells.y; v < cells.y + cells.height; ++v) {
+    const auto* mask = r.mask.ptr<unsigned char>(v) + cells.x;
+    const auto* f = r.value.ptr<float>(v) + cells.x * Channels;
+    const auto* var = r.variance.ptr<float>(v) + cells.x * Channels;
+    for (int u = 0; u < cells.width; ++u) {
+      if ((mask[u] & kInvalid) != 0) return false;
+      for (int c = 0; c < Channels; ++c) {
+        value[c] += f[u * Channels + c];
+        variance[c] += var[u * Channels + c];
+      }
+    }
+  }
+  const auto n = static_cast<float>(cells.area());
+  for (int c = 0; c < Channels; ++c) {
+    value[c] /= n;
+    variance[c] /= n * n;
+  }
+  return true;
+}
+
+float floored_log(double f) {
+  return static_cast<float>(std::log(std::max(f, 0.0) + kLogFloor));
+}
+
+class Residuals {
+ public:
+  Residuals(const std::vector<Reflectance>& r, const DefectBlocks& blocks, const PartPose& pose,
+            const std::vector<BrdfPtr>& materials)
+      : r_(r), blocks_(blocks), pose_(pose), materials_(materials) {}
+
+  DefectEvidence::Light of_light(std::size_t light, const cv::Mat& home) const {
+    const int channels = r_[light].value.channels();
+    const cv::Size size = blocks_.size();
+    DefectEvidence::Light out{cv::Mat::zeros(size, CV_32FC(channels)),
+                              cv::Mat::zeros(size, CV_32FC(channels)),
+                              cv::Mat::zeros(size, CV_32FC1), cv::Mat::zeros(size, CV_32FC1)};
+    parallel_for_each(size.height, [&](int v) {
+      for (int u = 0; u < size.width; ++u) {
+        const std::size_t cluster = home.at<unsigned char>(v, u);
+        if (cluster < materials_.size() && materials_[cluster])
+          fill(out, light, {u, v}, *materials_[cluster]);
+      }
+    });
+    return out;
+  }
+
+ private:
+  void fill(DefectEvidence::Light& out, std::size_t light, const cv::Point& at,
+            const Brdf& material) const {
+    const Reflectance& r = r_[light];
+    const int n = blocks_.side(), channels = r.value.channels();
+    std::array<float, 3> f{}, variance{};
+    const cv::Rect cells(at.x * n, at.y * n, n, n);
+    if (!(channels == 1 ? block_mean<1>(r, cells, f, variance)
+                        : block_mean<3>(r, cells, f, variance)))
+      return;
+    const Sightline sight = blocks_.sightline(light, at);
+    const HalfDiff angles = sight.angles(pose_);
+    const Rgb expected = material.eval(angles);
+    const double gain =
+        pose_.none() ? 1 : sight.irradiance(PartPose{}) / std::max(1e-12, sight.irradiance(pose_));
+    auto* d = out.residual.ptr<float>(at.y) + at.x * channels;
+    auto* var = out.variance.ptr<float>(at.y) + at.x * channels;
+    for (int c = 0; c < channels; ++c) {
+      const double seen = f[c] * gain;
+      const double level = std::max(seen, 0.0) + kLogFloor;
+      d[c] = floored_log(seen) - floored_log(expected[c]);
+      var[c] = static_cast<float>(variance[c] * gain * gain / (level * level));
+    }
+    out.use.at<float>(at) = 1;
+    HalfDiff beside = angles;
+    beside.theta_h += kPoseSigma;
+    const Rgb moved = material.eval(beside);
+    const float slope = floored_log(moved.mean()) - floored_log(expected.mean());
+    out.floor.at<float>(at) = slope * slope;
+  }
+
+  const std::vector<Reflectance>& r_;
+  const DefectBlocks& blocks_;
+  const PartPose& pose_;
+  const std::vector<BrdfPtr>& materials_;
+};
+
+/// Window means over the blocks that count; 0 where none does.
+cv::Mat masked_mean(const cv::Mat& image, const cv::Mat& use, const cv::Size& window) {
+  cv::Mat weight, mean;
+  cv::boxFilter(use, weight, CV_32F, window, {-1, -1}, true, cv::BORDER_CONSTANT);
+  cv::boxFilter(image, mean, CV_32F, window, {-1, -1}, true, cv::BORDER_CONSTANT);
+  const int channels = image.channels();
+  for (int v = 0; v < mean.rows; ++v) {
+    const auto* w = weight.ptr<float>(v);
+    auto* m = mean.ptr<float>(v);
+    for (int i = 0; i < mean.cols * channels; ++i) {
+      const float share = w[i / channels];
+      m[i] = share > 1e-4F ? m[i] / share : 0.0F;
+    }
+  }
+  return mean;
+}
+
+/// Median of |x| over 0.6745, of the used blocks: a robust deviation, per channel.
+std::array<float, 3> robust_deviation(const cv::Mat& x, const cv::Mat& use) {
+  std::array<std::vector<float>, 3> values;
+  const int channels = x.channels();
+  for (int v = 0; v < x.rows; ++v) {
+    const auto* w = use.ptr<float>(v);
+    const auto* row = x.ptr<float>(v);
+    for (int u = 0; u < x.cols; ++u) {
+      if (w[u] <= 0) continue;
+      for (int c = 0; c < channels; ++c)
+        values[static_cast<std::size_t>(c)].push_back(std::abs(row[u * channels + c]));
+    }
+  }
+  std::array<float, 3> out{};
+  for (std::size_t c = 0; c < 3; ++c) {
+    if (values[c].empty()) continue;
+    const auto middle = values[c].begin() + std::ssize(values[c]) / 2;
+    std::nth_element(values[c].begin(), middle, values[c].end());
+    out[c] = *middle / 0.6745F;
+  }
+  return out;
+}
+
+/// Replaces what lies more than kRobustSigmas off the mean by that bound.
+void clamp_to(cv::Mat& d, const cv::Mat& mean, const std::array<float, 3>& sigma,
+              const cv::Mat& use) {
+  const int channels = d.channels();
+  for (int v = 0; v < d.rows; ++v) {
+    const auto* w = use.ptr<float>(v);
+    const auto* m = mean.ptr<float>(v);
+    auto* x = d.ptr<float>(v);
+    for (int i = 0; i < d.cols * channels; ++i) {
+      const float reach = kRobustSigmas * sigma[static_cast<std::size_t>(i % channels)];
+      x[i] = w[i / channels] > 0 ? std::clamp(x[i], m[i] - reach, m[i] + reach) : 0.0F;
+    }
+  }
+}
+
+/// Takes the cluster's slow departure from its blocks.
+void take_background(DefectEvidence::Light& light, const cv::Mat& home, int cluster,
+                     const cv::Size& window) {
+  cv::Mat use;
+  cv::Mat(home == cluster).convertTo(use, CV_32F, 1.0 / 255);
+  use = use.mul(light.use);
+  if (cv::countNonZero(use) == 0) return;
+  const cv::Mat mask = use > 0;
+  cv::Mat own = cv::Mat::zeros(light.residual.size(), light.residual.type());
+  light.residual.copyTo(own, mask);
+  cv::Mat mean = masked_mean(own, use, window);
+  constexpr int kRounds = 2;
+  for (int round = 0; round < kRounds; ++round) {
+    const std::array<float, 3> sigma = robust_deviation(own - mean, use);
+    cv::Mat clamped = own.clone();
+    clamp_to(clamped, mean, sigma, use);
+    mean = masked_mean(clamped, use, window);
+  }
+  cv::Mat(own - mean).copyTo(light.residual, mask);
+}
+
+}  // namespace
+
+DefectBlocks::DefectBlocks(const StationGeometry& geometry, const CellGeometry& cells)
+    : geometry_(geometry) {
+  const cv::Size all = cells.position_m.size();
+  const double at_centre = cell_area(cells.position_m, all.height / 2, all.width / 2);
+  side_ = std::max(1, static_cast<int>(std::sqrt(kBlockArea / at_centre)));
+  const cv::Size size(all.width / side_, all.height / side_);
+  position_m_.create(size, CV_32FC2);
+  area_m2_.create(size, CV_32FC1);
+  for (int v = 0; v < size.height; ++v) {
+    for (int u = 0; u < size.width; ++u) {
+      const cv::Rect block(u * side_, v * side_, side_, side_);
+      const cv::Scalar mean = cv::mean(cells.position_m(block));
+      position_m_.at<cv::Vec2f>(v, u) = {float(mean[0]), float(mean[1])};
+      area_m2_.at<float>(v, u) = static_cast<float>(
+          side_ * side_ * cell_area(cells.position_m, block.y + side_ / 2, block.x + side_ / 2));
+    }
+  }
+  const int v = size.height / 2, u = size.width / 2;
+  const auto apart = [&](int dv, int du) {
+    return cv::norm(position_m_.at<cv::Vec2f>(v, u) - position_m_.at<cv::Vec2f>(v - dv, u - du));
+  };
+  pitch_m_ = {std::max(1e-6, apart(0, u / 2) / std::max(1, u / 2)),
+              std::max(1e-6, apart(v / 2, 0) / std::max(1, v / 2))};
+}
+
+cv::Size DefectBlocks::span(double mm) const {
+  const auto odd = [mm](double pitch) {
+    return 2 * static_cast<int>(std::lround((mm * 1e-3 / pitch - 1) / 2 + 1e-9)) + 1;
+  };
+  return {std::max(1, odd(pitch_m_[0])), std::max(1, odd(pitch_m_[1]))};
+}
+
+Sightline DefectBlocks::sightline(std::size_t light, const cv::Point& block) const {
+  const auto p = position_m_.at<cv::Vec2f>(block);
+  const Eigen::Vector3d& at = geometry_.lights_W[light];
+  return {geometry_.camera.position(), {p[0], p[1], 0}, {at.x(), at.y(), at.z(), 1}};
+}
+
+cv::Mat home_labels(const Regions& regions, const cv::Mat& expected) {
+  cv::Mat home = regions.label.clone();
+  if (!expected.empty()) {
+    // Where the part really is: what lies off its outline now stays off.
+    expected.copyTo(home, (expected < 8) & (home != kNotPart));
+  }
+  cv::Mat blobs;
+  const int n = cv::connectedComponents(home == kUnknown, blobs, 8, CV_32S);
+  if (n <= 1) return home;
+  std::vector<std::array<int, 8>> votes(static_cast<std::size_t>(n), std::array<int, 8>{});
+  cv::Mat around, as_float;  // of each cell, the highest blob number among itself and neighbours
+  blobs.convertTo(as_float, CV_32F);
+  cv::dilate(as_float, around, cv::getStructuringElement(cv::MORPH_RECT, {3, 3}));
+  for (int v = 0; v < home.rows; ++v) {
+    for (int u = 0; u < home.cols; ++u) {
+      const auto blob = static_cast<std::size_t>(around.at<float>(v, u));
+      const unsigned char label = home.at<unsigned char>(v, u);
+      if (blob > 0 && label < 8) ++votes[blob][label];
+    }
+  }
+  for (int v = 0; v < home.rows; ++v) {
+    for (int u = 0; u < home.cols; ++u) {
+      const auto blob = static_cast<std::size_t>(blobs.at<int>(v, u));
+      if (blob == 0) continue;
+      const auto most = std::max_element(votes[blob].begin(), votes[blob].end());
+      if (*most > 0)
+        home.at<unsigned char>(v, u) = static_cast<unsigned char>(most - votes[blob].begin());
+    }
+  }
+  return home;
+}
+
+DefectEvidence defect_evidence(const std::vector<Reflectance>& r, const cv::Mat& home,
+                               const DefectBlocks& blocks, const PartPose& pose,
+                               const std::vector<BrdfPtr>& materials) {
+  diffuse_light(r);  // checks types and sizes
+  if (home.size() != r[0].value.size() || home.type() != CV_8UC1) {
+    throw InputError("defects", "labels and reflectance of different sizes", "one size");
+  }
+  DefectEvidence out;
+  out.home = block_homes(home, blocks);
+  const Residuals residuals(r, blocks, pose, materials);
+  for (std::size_t light = 0; light < r.size(); ++light) {
+    out.lights.push_back(residuals.of_light(light, out.home));
+    for (std::size_t k = 0; k < materials.size(); ++k)
+      take_background(out.lights.back(), out.home, static_cast<int>(k), blocks.span(kBackgroundMm));
+  }
+  return out;
+}
+
+}  // namespace brdfgate

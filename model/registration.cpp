@@ -128,11 +128,18 @@ float median_of(const cv::Mat& image, const cv::Mat& weight) {
   return *middle;
 }
 
-PlaneImage plane_image(const Grid& grid, const Reflectance& light, const CellGeometry& cells,
-                       const cv::Mat& not_part) {
+/// Sums over the cells that fell on each place of the grid, CV_32FC1 each.
+struct GridSums {
+  cv::Mat seen;     ///< share of all cells
+  cv::Mat on_part;  ///< share of the part's
+  cv::Mat f;        ///< the part's reflectance, times the share
+};
+
+GridSums sum_on_grid(const Grid& grid, const Reflectance& light, const CellGeometry& cells,
+                     const cv::Mat& not_part) {
   const cv::Size size(grid.side, grid.side);
-  PlaneImage out{cv::Mat::zeros(size, CV_32FC1), cv::Mat::zeros(size, CV_32FC1)};
-  cv::Mat on_part = cv::Mat::zeros(size, CV_32FC1);
+  GridSums sums{cv::Mat::zeros(size, CV_32FC1), cv::Mat::zeros(size, CV_32FC1),
+                cv::Mat::zeros(size, CV_32FC1)};
   for (int v = 0; v < cells.inside.rows; ++v) {
     for (int u = 0; u < cells.inside.cols; ++u) {
       if (!cells.inside.at<unsigned char>(v, u) || (light.mask.at<unsigned char>(v, u) & kInvalid))
@@ -140,25 +147,39 @@ PlaneImage plane_image(const Grid& grid, const Reflectance& light, const CellGeo
       const bool part = not_part.at<unsigned char>(v, u) == 0;
       const float f = part ? std::max(0.0F, summed(light, v, u)) : 0;
       around(grid, cells.position_m.at<cv::Vec2f>(v, u), [&](int y, int x, float share) {
-        out.seen.at<float>(y, x) += share;
+        sums.seen.at<float>(y, x) += share;
         if (!part) return;
-        on_part.at<float>(y, x) += share;
-        out.look.at<float>(y, x) += share * f;
+        sums.on_part.at<float>(y, x) += share;
+        sums.f.at<float>(y, x) += share * f;
       });
     }
   }
-  for (int v = 0; v < size.height; ++v) {
-    for (int u = 0; u < size.width; ++u) {
-      float& look = out.look.at<float>(v, u);
-      const float cells_here = on_part.at<float>(v, u);
-      look = cells_here > 0 ? std::log(look / cells_here + static_cast<float>(kLogFloor)) : 0;
+  return sums;
+}
+
+/// ln of the part's mean reflectance at each place, 0 where no part is.
+cv::Mat log_mean(const GridSums& sums) {
+  cv::Mat look = cv::Mat::zeros(sums.f.size(), CV_32FC1);
+  for (int v = 0; v < look.rows; ++v) {
+    for (int u = 0; u < look.cols; ++u) {
+      const float here = sums.on_part.at<float>(v, u);
+      if (here > 0)
+        look.at<float>(v, u) =
+            std::log(sums.f.at<float>(v, u) / here + static_cast<float>(kLogFloor));
     }
   }
-  const float middle = median_of(out.look, on_part);
-  for (int v = 0; v < size.height; ++v) {
-    for (int u = 0; u < size.width; ++u) {
-      const float all = out.seen.at<float>(v, u);
-      const float share = all > 0 ? on_part.at<float>(v, u) / all : 0;
+  return look;
+}
+
+PlaneImage plane_image(const Grid& grid, const Reflectance& light, const CellGeometry& cells,
+                       const cv::Mat& not_part) {
+  const GridSums sums = sum_on_grid(grid, light, cells, not_part);
+  PlaneImage out{log_mean(sums), sums.seen};
+  const float middle = median_of(out.look, sums.on_part);
+  for (int v = 0; v < out.look.rows; ++v) {
+    for (int u = 0; u < out.look.cols; ++u) {
+      const float all = sums.seen.at<float>(v, u);
+      const float share = all > 0 ? sums.on_part.at<float>(v, u) / all : 0;
       float& look = out.look.at<float>(v, u);
       look = share * std::clamp(look - middle, -kMostContrast, kMostContrast) +
              (1 - share) * kNestLevel;

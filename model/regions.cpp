@@ -63,6 +63,24 @@ float nearer(float squared) {
   return d * d;
 }
 
+/// A cluster and its squared distance.
+struct Nearest {
+  std::size_t cluster = 0;
+  float squared = std::numeric_limits<float>::infinity();
+};
+
+/// @param taught  the cluster of this place in the recipe; one that there is not: no bonus
+Nearest nearest_of(const std::vector<ExpectedLog>& expected, const float* cell, int row,
+                   int channels, std::size_t taught) {
+  Nearest out;
+  for (std::size_t k = 0; k < expected.size(); ++k) {
+    float d = squared_distance(cell, expected[k].data() + row, channels);
+    if (taught == k) d = nearer(d);
+    if (d < out.squared) out = {k, d};  // not where nothing is expected: NaN
+  }
+  return out;
+}
+
 Assignment assign_cells(const LogImage& image, const cv::Mat& bin,
                         const std::vector<ExpectedLog>& expected, const cv::Mat& part,
                         double tolerance, const cv::Mat& prior) {
@@ -79,22 +97,15 @@ Assignment assign_cells(const LogImage& image, const cv::Mat& bin,
     const auto* taught = prior.empty() ? nullptr : prior.ptr<unsigned char>(v);
     for (int u = 0; u < part.cols; ++u) {
       if (!inside[u]) continue;
-      float least = std::numeric_limits<float>::infinity();
-      nearest[u] = 0;
-      const int first = u * channels;
-      const int row = id[u] * channels;
-      for (std::size_t k = 0; k < expected.size(); ++k) {
-        float d = squared_distance(value + first, expected[k].data() + row, channels);
-        if (taught != nullptr && taught[u] == k) d = nearer(d);
-        if (!(d < least)) continue;  // nor where nothing is expected: NaN
-        least = d;
-        nearest[u] = static_cast<unsigned char>(k);
-      }
+      const Nearest found =
+          nearest_of(expected, value + std::ptrdiff_t{u} * channels, id[u] * channels, channels,
+                     taught == nullptr ? expected.size() : taught[u]);
+      nearest[u] = static_cast<unsigned char>(found.cluster);
       float noise = 0;
       for (int c = 0; c < channels; ++c)
         noise += variance[u * channels + c] / static_cast<float>(channels);
       const float limit = static_cast<float>(tolerance) + kNoiseSigmas * std::sqrt(noise);
-      far[u] = least > limit * limit ? 255 : 0;
+      far[u] = found.squared > limit * limit ? 255 : 0;
     }
   }
   return out;

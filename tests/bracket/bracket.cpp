@@ -10,9 +10,11 @@
 #include <cstdio>
 #include <fstream>
 #include <iostream>
+#include <numbers>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/photo.hpp>
+#include <random>
 #include <sstream>
 
 #include "model/error.hpp"
@@ -166,6 +168,26 @@ Agreement agreement(const Halves& radiance, const std::array<Bracket, 2>& halves
   return out;
 }
 
+/// What two halves that differ by nothing but the noise they claim would show: one draw per value.
+Agreement of_claimed_noise(const Claims& claims, const std::array<Bracket, 2>& halves, int margin,
+                           double below) {
+  Agreement out;
+  std::mt19937 random(1);
+  std::normal_distribution<double> normal;
+  for (int c = 0; c < 3; ++c) {
+    const auto i = static_cast<std::size_t>(c);
+    const cv::Mat both = seen_by_both(halves, c, margin);
+    for (int y = 0; y < both.rows; ++y) {
+      for (int x = 0; x < both.cols; ++x) {
+        const double a = claims[0][i].at<float>(y, x), b = claims[1][i].at<float>(y, x);
+        if (both.at<std::uint8_t>(y, x) == 0 || a < 0 || b < 0 || std::max(a, b) >= below) continue;
+        out.log2_ratio.push_back(std::abs(normal(random)) * std::hypot(a, b) / std::numbers::ln2);
+      }
+    }
+  }
+  return out;
+}
+
 void print(const char* name, Agreement found) {
   if (found.log2_ratio.empty()) {
     std::printf("  %-42s %8d\n", name, 0);
@@ -198,12 +220,14 @@ int run(const std::string& folder) {
       for (const auto& [name, radiance] : methods)
         print(name,
               agreement(radiance, halves, margin, only_flat ? flat : std::array<cv::Mat, 3>{}));
+      if (!only_flat) print("the claimed noise alone", of_claimed_noise(claims, halves, margin, 9));
     }
   }
   for (const double sigma : {0.2, 0.1, 0.07, 0.05}) {
     std::printf("where both halves are unclipped and claim a sigma under %g:\n", sigma);
     for (const auto& [name, radiance] : methods)
       print(name, agreement(radiance, halves, 1, known_within(claims, sigma)));
+    print("the claimed noise alone", of_claimed_noise(claims, halves, 1, sigma));
   }
   return 0;
 }

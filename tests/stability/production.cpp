@@ -158,7 +158,13 @@ std::vector<Fault> faults(const Kind& kind, const StationConfig& config) {
   return out;
 }
 
-Capture capture(const Scene& scene, const StationConfig& config, std::uint64_t seed, int index) {
+Capture capture(const Scene& good, const StationConfig& config, std::uint64_t seed, int index) {
+  Scene scene = good;
+  std::seed_seq draw{seed, static_cast<std::uint64_t>(index), std::uint64_t{99}};
+  std::mt19937 random(draw);
+  std::normal_distribution<double> drift(0, kLampDrift);
+  for (double& lamp : scene.light.drift)
+    lamp = drift(random);
   SimStation station(config.simulator);
   station.place(scene, seed, static_cast<std::uint64_t>(index));
   Capture out{station.camera().format(), {}};

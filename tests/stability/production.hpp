@@ -59,7 +59,10 @@ std::vector<MeasuredPart> produce(const Fault& fault, const StationConfig& confi
                                   const Inspector& inspector, const RecipeInForce* recipe,
                                   const Batch& batch);
 
-/// A capture of one part on a bench of its own.
-Capture capture(const Scene& scene, const StationConfig& config, std::uint64_t seed, int index);
+/// Standard deviation of each lamp's level from part to part, relative; the monitor patch sees it.
+constexpr double kLampDrift = 0.01;
+
+/// A capture of one part on a bench of its own, its lamps drifted.
+Capture capture(const Scene& good, const StationConfig& config, std::uint64_t seed, int index);
 
 }  // namespace brdfgate::stability

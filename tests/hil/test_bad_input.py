@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
 """Every unusable input gets one clear line and exit code 2.    test_bad_input.py PROGRAMS FOLDER"""
-import pathlib
 import shutil
 import socket
+import struct
 import subprocess
 import sys
 import unittest
 
-from bench import Bench
+from bench import Bench, ROOT
 
 BENCH = Bench(sys.argv[1], sys.argv[2])
 WORK = BENCH.folder / "bad"
@@ -27,12 +27,17 @@ def cut(file, share):
     return file
 
 
-class BadInput(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        shutil.rmtree(WORK, ignore_errors=True)
-        WORK.mkdir()
+def merl(file, value, cell=None, instead=None):
+    """A MERL .binary that has one value everywhere, but for one cell of the first channel, (theta_h, theta_d, phi_d)."""
+    size = (90, 90, 180)
+    data = bytearray(struct.pack("<3i", *size) + struct.pack("<d", value) * (3 * size[0] * size[1] * size[2]))
+    if cell is not None:
+        struct.pack_into("<d", data, 12 + 8 * ((cell[0] * size[1] + cell[1]) * size[2] + cell[2]), instead)
+    file.parent.mkdir(exist_ok=True)
+    file.write_bytes(data)
 
+
+class Refusals(unittest.TestCase):
     def refused(self, *arguments, says):
         done = BENCH.run(*arguments)
         self.assertEqual(done.returncode, 2, done.stdout + done.stderr)
@@ -41,17 +46,84 @@ class BadInput(unittest.TestCase):
         for text in says:
             self.assertIn(text, lines[0])
 
+
+class BadModelInput(Refusals):
+    """What bases are trained on and rigs are designed from."""
+    BASIS = ROOT / "config/basis/merl.basis"
+
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = BENCH.folder / "bad_model"
+        shutil.rmtree(cls.folder, ignore_errors=True)
+        cls.folder.mkdir()
+        merl(cls.folder / "good/a.binary", 150.0)
+        merl(cls.folder / "good/b.binary", 300.0)
+
+    @classmethod
+    def tearDownClass(cls):
+        shutil.rmtree(cls.folder)  # 35 MB a material
+
+    def not_built(self, *more, says):
+        out = self.folder / "out.basis"
+        self.refused("basis", "build", "--materials", self.folder / "good", *more, "--out", out, says=says)
+        self.assertFalse(out.exists())
+
+    def test_materials_with_values_that_no_surface_has(self):
+        inside = (40, 20, 90)
+        for name, value, instead, says in (
+            ("nan", 150.0, float("nan"), ["channel 0", "(40, 20, 90)", "nan"]),
+            ("infinite", 150.0, float("inf"), ["channel 0", "(40, 20, 90)", "inf"]),
+            ("negative", 150.0, -0.25, ["channel 0", "-0.25"]),
+            ("all_missing", -1.0, -1.0, ["channel 0", "no valid cell"]),
+        ):
+            with self.subTest(name):
+                file = self.folder / f"{name}.binary"
+                merl(file, value, inside, instead)
+                self.not_built("--materials", file, "--components", "3", says=[file.name, *says])
+                file.unlink()
+
+    def test_two_materials_of_one_name(self):
+        merl(self.folder / "other/a.binary", 100.0)
+        self.not_built("--materials", self.folder / "other", "--components", "3",
+                       says=["other/a.binary", "good/a.binary", "each material once"])
+
+    def test_too_few_materials_for_the_components(self):
+        self.not_built("--components", "6", says=["components: 6", "1 to 5 for 2 materials"])
+        self.not_built("--components", "1", "--leave-out", "b", says=["1 material", "at least 2"])
+
+    def test_a_rig_that_sees_nothing(self):
+        rig = ["design", "rig", "--basis", self.BASIS, "--camera-deg", "50", "--light", "20", "0", "--light"]
+        self.refused(*rig, "89.95", "0", says=["image 2", "sees nothing"])
+        self.refused(*rig, "95", "0", says=["light of image 2", "95"])
+
+    def test_directions_below_the_horizon(self):
+        csv = self.folder / "below.csv"
+        csv.write_text("theta_h_deg,theta_d_deg,phi_d_deg\n10,20,0\n80,60,0\n")
+        says = ["below.csv:3", "below the horizon"]
+        self.refused("design", "points", "--basis", self.BASIS, "--from", csv, says=says)
+        self.refused("design", "path", "--from", csv, "--out", self.folder / "path.csv", says=says)
+        measured = self.folder / "below.brdf"
+        measured.write_text("0.2 0 0.3 1 0.3 0.4 0.5\n0.2 0 1.7 1 0.3 0.4 0.5\n")
+        self.refused("basis", "goniometer", self.BASIS, "--list", measured, says=["below.brdf:2", "theta_o 1.7", "horizon"])
+
+
+class BadInput(Refusals):
+    @classmethod
+    def setUpClass(cls):
+        shutil.rmtree(WORK, ignore_errors=True)
+        WORK.mkdir()
+
     def inspect(self, recording, *more, says):
         self.refused("inspect", "--config", BENCH.station, "--from", recording, *more, says=says)
 
     def test_a_truncated_basis(self):
         basis = WORK / "short.basis"
-        shutil.copy(pathlib.Path(__file__).resolve().parents[2] / "config/basis/merl.basis", basis)
+        shutil.copy(ROOT / "config/basis/merl.basis", basis)
         self.inspect(copy("a"), "--basis", cut(basis, 0.5), says=["short.basis", "size"])
 
     def test_a_damaged_basis(self):
         basis = WORK / "damaged.basis"
-        data = bytearray((pathlib.Path(__file__).resolve().parents[2] / "config/basis/merl.basis").read_bytes())
+        data = bytearray((ROOT / "config/basis/merl.basis").read_bytes())
         data[-1000] ^= 0x55
         basis.write_bytes(data)
         self.inspect(copy("b"), "--basis", basis, says=["damaged.basis", "checksum"])

@@ -23,10 +23,6 @@ constexpr double kDegree = EIGEN_PI / 180;
 /// A highlight counts as seen when the peak of light 1 lies inside the view and stands at least
 /// this far above what light 2 sees (in-peak over off-peak).
 constexpr double kHighlightRatio = 2.0;
-constexpr double kPeakThetaH = 2.0 * kDegree;
-/// Gloss at 60 degrees is measured, not extrapolated, where the peak was seen this near to 60
-/// degrees.
-constexpr double kGlossReach = 8.0 * kDegree;
 
 cv::Mat cells_that_are_not_part(const std::vector<Reflectance>& r, const CellGeometry& cells,
                                 const FixtureAppearance& fixture) {
@@ -65,9 +61,8 @@ constexpr int kFixtureCells = 500;
 constexpr double kDarkestAlbedo = 0.02;
 
 struct PeakSight {
-  bool inside = false;       ///< a bin around theta_h = 0 was seen under light 1
-  bool near_60_deg = false;  ///< and one of them near theta_d = 60 degrees
-  bool stands_out = false;   ///< and it is brighter than light 2's median by kHighlightRatio
+  bool inside = false;      ///< a bin around theta_h = 0 was seen under light 1
+  bool stands_out = false;  ///< and it is brighter than light 2's median by kHighlightRatio
 };
 
 double luminance(const Bin& bin, int channels) {
@@ -81,7 +76,6 @@ PeakSight look_for_peak(const BinnedSamples& samples) {
   for (const Bin& bin : samples.bins) {
     if (bin.light == 1 && bin.angles.theta_h < kPeakThetaH) {
       sight.inside = true;
-      sight.near_60_deg |= std::abs(bin.angles.theta_d - 60 * kDegree) < kGlossReach;
       peak = std::max(peak, luminance(bin, samples.channels));
     } else if (bin.light == 2) {
       off_peak.push_back(luminance(bin, samples.channels));
@@ -93,14 +87,19 @@ PeakSight look_for_peak(const BinnedSamples& samples) {
   return sight;
 }
 
-void add_readings(ClusterResult& cluster, const BrdfPtr& brdf, const PeakSight& peak,
-                  bool colour_known) {
-  cluster.gloss_gu = gloss_gu(*brdf);
+/// @param on_frame  what the weights were estimated from
+void add_readings(ClusterResult& cluster, const ClusterReadings& readings,
+                  const BinnedSamples& on_frame, bool colour_known) {
+  const PeakSight peak = look_for_peak(on_frame);
+  cluster.readings = readings;
+  for (std::size_t i = 0; i < readings.gloss.size(); ++i)
+    cluster.gloss_gu[i] = readings.gloss[i].value;
   cluster.valid.gloss = peak.inside;
-  cluster.valid.measured = peak.near_60_deg;
+  cluster.valid.measured = is_gloss_measured(on_frame, 60);
   cluster.valid.highlight = peak.stands_out;
   if (cluster.channels == 3 && colour_known) {
-    cluster.lab = lab_45_0(*brdf);
+    for (std::size_t i = 0; i < 3; ++i)
+      cluster.lab[static_cast<Eigen::Index>(i)] = readings.at_45_0().lab[i].value;
     cluster.valid.colour = true;
   }
 }
@@ -140,6 +139,7 @@ Inspector::Inspector(const StationConfig& config, std::shared_ptr<const Basis> b
   map_.bins = make_bin_map(map_.cells);
   white_levels_ = white_levels(calibration_);
   blocks_ = std::make_shared<DefectBlocks>(geometry_, map_.cells);
+  readings_ = std::make_shared<ReadingRows>(basis_, calibration_.colour);
   estimator_ = make_estimator({settings_.method, settings_.eta}, basis_);
   if (settings_.monitor) {
     patch_ = patch_cells(calibration_.geometry, calibration_.sensor, *settings_.monitor);
@@ -207,9 +207,6 @@ ClusterResult Inspector::measure_cluster(const BinnedSamples& samples, int index
   cluster.weights = cluster.raw.in_prior_sigmas(observations);
   cluster.weight_sigmas = cluster.raw.sigmas_in_prior_sigmas(observations);
   cluster.valid.weights = cluster.bins >= min_bins && cluster.weights.allFinite();
-  if (cluster.valid.weights) {
-    add_readings(cluster, seen_colour(cluster.raw), look_for_peak(samples), colour_known());
-  }
   return cluster;
 }
 
@@ -302,6 +299,9 @@ void Inspector::measure_clusters(Inspection& part, const RecipeInForce* recipe) 
     cluster.bins = static_cast<int>(samples.bins.size());
     cluster.coverage = double(cluster.bins) / std::max(1, map_.bins.bins());
     cluster.valid.weights = cluster.valid.weights && cluster.bins >= settings.min_bins;
+    if (cluster.valid.weights) {
+      add_readings(cluster, readings_->read(cluster.raw, samples), on_frame, colour_known());
+    }
     cluster.pixels = cv::countNonZero(regions.label == i);
     cluster.present = cluster.pixels > 0;
     cluster.area_share = double(cluster.pixels) / part_cells;

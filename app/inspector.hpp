@@ -88,6 +88,8 @@ class Inspector {
   const JudgeSettings& judge_settings() const { return judge_; }
   double eta() const { return settings_.eta; }
   const Estimator& estimator() const { return *estimator_; }
+  /// Readings of seen_colour(), without the whole BRDF.
+  const ReadingRows& readings() const { return *readings_; }
 
  private:
   /// Reflectance, the lamps' drift taken out where a monitor patch tells it, within its limit.
@@ -113,6 +115,7 @@ class Inspector {
   std::vector<double> white_levels_;
   std::shared_ptr<const DefectBlocks> blocks_;
   std::shared_ptr<const Estimator> estimator_;
+  std::shared_ptr<const ReadingRows> readings_;
 };
 
 }  // namespace brdfgate

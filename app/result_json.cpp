@@ -39,6 +39,49 @@ json as_list(const std::vector<double>& values) {
       Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()))));
 }
 
+/// {20, 60, 85}: what `of` says of each gloss.
+template <typename Of>
+json by_gloss_angle(const ClusterReadings& r, Of&& of) {
+  return {{"20", of(r.gloss[0])}, {"60", of(r.gloss[1])}, {"85", of(r.gloss[2])}};
+}
+
+json bounds(const std::array<double, 2>& b) {
+  return {finite(b[0]), finite(b[1])};
+}
+
+json lab_json(const ColourReading& colour, double Reading::* field) {
+  return {finite(colour.lab[0].*field), finite(colour.lab[1].*field), finite(colour.lab[2].*field)};
+}
+
+/// Haze, the aspecular colours and the flop (ASTM D4039, E2194).
+json appearance_to_json(const ClusterReadings& r) {
+  json aspecular = json::object();
+  for (std::size_t i = 0; i < kAspecularDeg.size(); ++i) {
+    aspecular[std::to_string(std::lround(kAspecularDeg[i]))] = {
+        {"lab", lab_json(r.aspecular[i], &Reading::value)},
+        {"lab_sigma", lab_json(r.aspecular[i], &Reading::sigma)},
+        {"lightness_sigma", finite(r.aspecular[i].lab[0].sigma)},
+        {"measured", r.aspecular[i].lab[0].measured}};
+  }
+  return {{"aspecular_deg", aspecular},         {"flop_index", finite(r.flop.value)},
+          {"flop_sigma", finite(r.flop.sigma)}, {"flop_measured", r.flop.measured},
+          {"haze_gu", finite(r.haze.value)},    {"haze_sigma_gu", finite(r.haze.sigma)},
+          {"haze_measured", r.haze.measured}};
+}
+
+/// Uncertainties, and whether the rig looked there: nothing without weights.
+void add_readings(json& out, const ClusterResult& c) {
+  if (!c.valid.weights) return;
+  const ClusterReadings& r = c.readings;
+  out["gloss_sigma_gu"] = by_gloss_angle(r, [](const Reading& g) { return finite(g.sigma); });
+  out["gloss_interval_gu"] =
+      by_gloss_angle(r, [](const Reading& g) { return bounds(g.interval_by_factor()); });
+  out["gloss_measured"] = by_gloss_angle(r, [](const Reading& g) { return json(g.measured); });
+  out["lab_sigma"] = lab_json(r.at_45_0(), &Reading::sigma);
+  out["lab_measured"] = r.at_45_0().lab[0].measured;
+  out["appearance"] = appearance_to_json(r);
+}
+
 json cluster_to_json(const ClusterResult& c, const std::string& brdf_file) {
   json out = {
       {"index", c.index},
@@ -73,6 +116,7 @@ json cluster_to_json(const ClusterResult& c, const std::string& brdf_file) {
       {"lab", {finite(c.lab[0]), finite(c.lab[1]), finite(c.lab[2])}},
       {"delta_e00", finite(c.delta_e00)},
   };
+  add_readings(out, c);
   if (!brdf_file.empty()) out["brdf"] = brdf_file;
   return out;
 }

@@ -162,9 +162,12 @@ Recipe Teacher::recipe(const std::string& name, int id) const {
     taught.mean = weight_sums_[i] / double(parts_);
     for (const TeachSample& part : samples_[i])
       taught.area_share += part.area_share / double(parts_);
-    const BrdfPtr seen = inspector_.seen_colour(mean);
-    taught.gloss_gu = gloss_gu(*seen);
-    if (recipe.channels == 3) taught.lab = lab_45_0(*seen);
+    const ClusterReadings readings = inspector_.readings().read(mean);
+    for (std::size_t j = 0; j < 3; ++j) {
+      taught.gloss_gu[j] = readings.gloss[j].value;
+      if (recipe.channels == 3)
+        taught.lab[static_cast<Eigen::Index>(j)] = readings.at_45_0().lab[j].value;
+    }
     recipe.clusters[i] = std::move(taught);
   }
   recipe.defects =

@@ -1,11 +1,10 @@
-// Haze and multi-angle colour from a reconstructed BRDF, each with whether the rig saw it.
+// Haze and multi-angle colour from a BRDF, and whether the rig looked there.
 #pragma once
 
 #include <array>
 
 #include "model/brdf.hpp"
 #include "model/colour.hpp"
-#include "model/estimator.hpp"
 #include "model/samples.hpp"
 
 namespace brdfgate {
@@ -29,11 +28,8 @@ struct AspecularReadings {
   double flop_index = 0;
 };
 AspecularReadings aspecular_readings(const Brdf& brdf);
-
-/// Standard deviation of L* at directions, from the weights' posterior covariance: to first order,
-/// the channels' errors independent, the channels taken as linear sRGB (mono: as grey).
-/// Throws InputError where weights and basis differ in components.
-double lightness_sigma(const Basis& basis, const Weights& weights, const HalfDiff& directions);
+/// The index itself, from L* at those angles.
+double flop_index(double l15, double l45, double l110);
 
 /// Whether the rig looked there: one of the bins lies within kMeasuredReach (the arc between half
 /// vectors and the difference of theta_d, each). Otherwise the value is extrapolated by the basis.

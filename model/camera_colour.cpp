@@ -67,19 +67,6 @@ std::vector<PatchSum> patch_sums(const Reflectance& f, const Calibration& calibr
   return sums;
 }
 
-/// dL*a*b* / dXYZ at a colour, by central differences.
-Eigen::Matrix3d lab_slope(const Eigen::Array3d& xyz) {
-  constexpr double kStep = 1e-5;
-  Eigen::Matrix3d slope;
-  for (int i = 0; i < 3; ++i) {
-    Eigen::Array3d up = xyz, down = xyz;
-    up[i] += kStep;
-    down[i] -= kStep;
-    slope.col(i) = ((xyz_to_lab(up) - xyz_to_lab(down)) / (2 * kStep)).matrix();
-  }
-  return slope;
-}
-
 /// The transformed BRDF: linear sRGB of what the camera's channels say.
 class LinearSrgb final : public Brdf {
  public:
@@ -108,6 +95,20 @@ Eigen::VectorXd colour_terms(ColourModel model, const Eigen::Array3d& rgb) {
   terms << rgb[0], rgb[1], rgb[2], std::sqrt(x[0] * x[1]), std::sqrt(x[1] * x[2]),
       std::sqrt(x[0] * x[2]);
   return terms;
+}
+
+Eigen::Matrix3d CameraColour::xyz_slope(const Eigen::Array3d& rgb) const {
+  if (model == ColourModel::matrix) return to_xyz;
+  // d sqrt(xy) / dx = sqrt(y / x) / 2; held where x is (nearly) 0.
+  constexpr double kDarkest = 1e-9;
+  const Eigen::Array3d x = rgb.max(kDarkest);
+  const auto half_ratio = [&](int over, int under) { return std::sqrt(x[over] / x[under]) / 2; };
+  Eigen::Matrix<double, 6, 3> terms;
+  terms.topRows(3).setIdentity();
+  terms.row(3) << half_ratio(1, 0), half_ratio(0, 1), 0;
+  terms.row(4) << 0, half_ratio(2, 1), half_ratio(1, 2);
+  terms.row(5) << half_ratio(2, 0), 0, half_ratio(0, 2);
+  return to_xyz * terms;
 }
 
 Eigen::Array3d CameraColour::xyz(const Eigen::Array3d& rgb) const {

@@ -76,6 +76,22 @@ Chromatic scaled(const Lab& lab, double a_scale) {
 
 }  // namespace
 
+const Eigen::Matrix3d& linear_srgb_xyz_matrix() {
+  return srgb_matrix();
+}
+
+Eigen::Matrix3d lab_slope(const Eigen::Array3d& xyz) {
+  constexpr double kStep = 1e-5;
+  Eigen::Matrix3d slope;
+  for (int i = 0; i < 3; ++i) {
+    Eigen::Array3d up = xyz, down = xyz;
+    up[i] += kStep;
+    down[i] -= kStep;
+    slope.col(i) = ((xyz_to_lab(up) - xyz_to_lab(down)) / (2 * kStep)).matrix();
+  }
+  return slope;
+}
+
 Eigen::Array3d linear_srgb_to_xyz(const Eigen::Array3d& rgb) {
   return (srgb_matrix() * rgb.matrix()).array();
 }

@@ -14,6 +14,10 @@ Eigen::Array3d xyz_to_linear_srgb(const Eigen::Array3d& xyz);
 /// XYZ relative to the D65 white of linear_srgb_to_xyz.
 Lab xyz_to_lab(const Eigen::Array3d& xyz);
 Eigen::Array3d lab_to_xyz(const Lab& lab);
+/// d(L*, a*, b*) / d(X, Y, Z) at a colour, by central differences.
+Eigen::Matrix3d lab_slope(const Eigen::Array3d& xyz);
+/// Derivatives of linear_srgb_to_xyz.
+const Eigen::Matrix3d& linear_srgb_xyz_matrix();
 inline Lab linear_srgb_to_lab(const Eigen::Array3d& rgb) {
   return xyz_to_lab(linear_srgb_to_xyz(rgb));
 }

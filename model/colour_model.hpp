@@ -20,6 +20,7 @@ struct CameraColour {
   double de00_max = 0;
 
   Eigen::Array3d xyz(const Eigen::Array3d& rgb) const;
+  Eigen::Matrix3d xyz_slope(const Eigen::Array3d& rgb) const;  ///< its derivatives, one row a value
 };
 
 /// r, g, b, and for the root-polynomial sqrt(rg), sqrt(gb), sqrt(rb); negative channels count as 0

@@ -1,6 +1,7 @@
 #include "model/estimator.hpp"
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 #include <string>
 
@@ -67,6 +68,21 @@ Eigen::MatrixXd Weights::sigmas_in_prior_sigmas(int observations) const {
   return sigmas;
 }
 
+Eigen::MatrixXd channel_correlation(const Eigen::MatrixXd& x) {
+  constexpr double kCommon = 0.6;  // whatever the channels look like
+  constexpr double kReach = 0.3;   // mapped units
+  const double n = static_cast<double>(std::max<Index>(1, x.rows()));
+  Eigen::MatrixXd correlation = Eigen::MatrixXd::Identity(x.cols(), x.cols());
+  for (Index a = 0; a < x.cols(); ++a) {
+    for (Index b = 0; b < a; ++b) {
+      const double distance = std::sqrt((x.col(a) - x.col(b)).squaredNorm() / n);
+      correlation(a, b) = correlation(b, a) =
+          kCommon + (1 - kCommon) * std::exp(-distance / kReach);
+    }
+  }
+  return correlation;
+}
+
 Weights ridge(const Basis& basis, const BinnedSamples& samples, double eta) {
   check_samples(samples);
   if (!(eta > 0 && std::isfinite(eta))) {
@@ -90,6 +106,7 @@ Weights ridge(const Basis& basis, const BinnedSamples& samples, double eta) {
   w.misfit = (residual.colwise().squaredNorm().transpose() / n).cwiseSqrt() /
              std::sqrt(eta / basis.info().observations);
   w.rows = static_cast<int>(x.rows());
+  w.channel_correlation = channel_correlation(x);
   return w;
 }
 

@@ -21,6 +21,8 @@ struct Weights {
   /// over sqrt(eta / m); gp: mean square in misfits over its limit (example_regression.hpp).
   Eigen::VectorXd misfit;
   int rows = 0;  ///< n, the bins used
+  /// Correlation of the channels' errors, channels x channels; empty: independent.
+  Eigen::MatrixXd channel_correlation;
 
   /// Weights in prior sigmas: c * sqrt(m), the form every interface publishes.
   Eigen::MatrixXd in_prior_sigmas(int observations) const;
@@ -34,6 +36,12 @@ struct Weights {
 /// @pre bins not empty, each f finite and not negative, directions above the horizon.
 /// Throws InputError otherwise.
 Weights ridge(const Basis& basis, const BinnedSamples& samples, double eta = kRidgeEta);
+
+/// Correlation of the channels' errors: most of an error is the model's discrepancy, which the
+/// channels of one material share, the more the nearer their mapped values are. 0.6 + 0.4 exp(-d /
+/// 0.3), d their RMS distance: about as left-out materials have it (docs/readings.md).
+/// @param x  mapped values, directions x channels
+Eigen::MatrixXd channel_correlation(const Eigen::MatrixXd& x);
 
 /// Throws InputError unless bins are there, finite, not negative and above the horizon.
 void check_samples(const BinnedSamples& samples);

@@ -88,6 +88,7 @@ class ExampleEstimator final : public Estimator {
           (static_cast<double>(x.rows()) * regression->misfit_limit());
       w.covariance.push_back(p.covariance + noise[static_cast<std::size_t>(channel)]);
     }
+    w.channel_correlation = channel_correlation(x);
     w.residual_rms = std::sqrt((x - rows.q * w.c).squaredNorm() / static_cast<double>(x.size()));
     return w;
   }

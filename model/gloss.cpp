@@ -93,12 +93,6 @@ struct Overlap {
   double diffuse = 0;  ///< int cos_i cos_o (wi . h) dwi
 };
 
-struct Node {
-  HalfDiff angles;
-  double diffuse = 0;   ///< multiplies the diffuse part of f; the sum is in gloss units
-  double specular = 0;  ///< multiplies the rest
-};
-
 double luminance(const Rgb& f) {
   return 0.2126 * f[0] + 0.7152 * f[1] + 0.0722 * f[2];
 }
@@ -121,12 +115,14 @@ class GlossTable {
 
   double read(const Brdf& brdf) const {
     double gloss = 0;
-    for (const Node& node : nodes_) {
+    for (const GlossNode& node : nodes_) {
       gloss += node.diffuse * luminance(brdf.diffuse(node.angles.theta_d)) +
                node.specular * luminance(brdf.specular(node.angles));
     }
     return gloss < 0 ? 0 : gloss;  // NaN stays NaN
   }
+
+  const std::vector<GlossNode>& nodes() const { return nodes_; }
 
  private:
   /// Source patches a side: overlaps are counted by their clipped areas.
@@ -256,7 +252,7 @@ class GlossTable {
   double polar_;
   FieldStop source_, receptor_;
   double scale_ = 0;
-  std::vector<Node> nodes_;
+  std::vector<GlossNode> nodes_;
 };
 
 const GlossTable& table(GlossGeometry geometry) {
@@ -269,6 +265,10 @@ const GlossTable& table(GlossGeometry geometry) {
 
 double gloss_gu(const Brdf& brdf, GlossGeometry geometry) {
   return table(geometry).read(brdf);
+}
+
+const std::vector<GlossNode>& gloss_nodes(GlossGeometry geometry) {
+  return table(geometry).nodes();
 }
 
 std::array<double, 3> gloss_gu(const Brdf& brdf) {

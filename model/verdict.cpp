@@ -83,15 +83,27 @@ Deviation deviation(const TaughtCluster& taught, const ClusterObservation& seen)
   return {weights.d.dot(weights.solved()), taught.t2_limit, spe, taught.spe_limit};
 }
 
-MonitoredShift largest_shift(const TaughtCluster& taught, const ClusterObservation& seen) {
+std::vector<MonitoredShift> monitored_shifts(const TaughtCluster& taught,
+                                             const ClusterObservation& seen) {
   check(taught, seen);
   const WeightDistance weights = weight_distance(taught, seen);
-  Index at = 0;
-  weights.d.cwiseProduct(weights.solved()).maxCoeff(&at);
-  const auto i = static_cast<std::size_t>(at);
+  const Eigen::VectorXd parts = weights.d.cwiseProduct(weights.solved());
   const std::vector<std::string>& names = taught.directions.names;
-  return {i < names.size() ? names[i] : "direction " + std::to_string(at + 1),
-          std::expm1(weights.d[at]), weights.d[at] / std::sqrt(weights.covariance(at, at))};
+  std::vector<MonitoredShift> shifts;
+  for (Index i = 0; i < parts.size(); ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    shifts.push_back({at < names.size() ? names[at] : "direction " + std::to_string(i + 1),
+                      std::expm1(weights.d[i]), weights.d[i] / std::sqrt(weights.covariance(i, i)),
+                      parts[i]});
+  }
+  return shifts;
+}
+
+MonitoredShift largest_shift(const TaughtCluster& taught, const ClusterObservation& seen) {
+  const std::vector<MonitoredShift> shifts = monitored_shifts(taught, seen);
+  if (shifts.empty()) return {};
+  return *std::max_element(shifts.begin(), shifts.end(),
+                           [](const auto& a, const auto& b) { return a.part < b.part; });
 }
 
 std::optional<Lab> compared_colour(const TaughtCluster& taught, const ClusterObservation& seen) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "model/geometry.hpp"
+#include "model/reading_rows.hpp"
 #include "model/readings.hpp"
 #include "model/recipe.hpp"
 #include "model/regions.hpp"
@@ -69,12 +70,17 @@ struct Deviation {
 /// Throws InputError when shapes differ.
 Deviation deviation(const TaughtCluster& taught, const ClusterObservation& seen);
 
-/// The monitored change with the largest share d_i (S^-1 d)_i of T^2.
+/// How far one monitored change is off.
 struct MonitoredShift {
   std::string name;   ///< of the direction
   double change = 0;  ///< relative, of its factor: 0.05 is 5 % more than taught
   double sigmas = 0;  ///< over its standard deviation under S
+  double part = 0;    ///< d_i (S^-1 d)_i: its part of T^2; the parts sum to it, and some may be < 0
 };
+/// All of them, in the directions' order.
+std::vector<MonitoredShift> monitored_shifts(const TaughtCluster& taught,
+                                             const ClusterObservation& seen);
+/// The one with the largest part.
 MonitoredShift largest_shift(const TaughtCluster& taught, const ClusterObservation& seen);
 
 /// The part's colour at 45:0: the taught one with its diffuse level changed as the part's is. A
@@ -121,6 +127,8 @@ struct ClusterResult {
   std::array<double, 3> gloss_gu{};
   Lab lab = Lab::Zero();
   double delta_e00 = 0;  ///< to the taught colour; 0 without a recipe
+  /// The same and more readings with their deviations; gloss_gu and lab are their values.
+  ClusterReadings readings;
 };
 
 struct PartResult {

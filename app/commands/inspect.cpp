@@ -9,7 +9,6 @@
 #include "app/result_json.hpp"
 #include "app/session.hpp"
 #include "app/stopwatch.hpp"
-#include "model/appearance.hpp"
 #include "model/estimators.hpp"
 #include "model/parsimony.hpp"
 #include "model/reconstruction.hpp"
@@ -87,33 +86,6 @@ void print_part(const std::string& name, const PartResult& r) {
   }
 }
 
-/// Haze and the aspecular colours of one cluster (ASTM D4039, E2194), beside its other readings.
-nlohmann::json appearance_json(const Inspector& inspector, const ClusterResult& cluster,
-                               const BinnedSamples& samples) {
-  const AspecularReadings seen = aspecular_readings(*inspector.seen_colour(cluster.raw));
-  const auto finite = [](double v) { return std::isfinite(v) ? nlohmann::json(v) : nullptr; };
-  nlohmann::json aspecular = nlohmann::json::object();
-  for (std::size_t i = 0; i < kAspecularDeg.size(); ++i) {
-    const HalfDiff at = to_half_diff(aspecular_directions(kAspecularDeg[i]));
-    const Lab& lab = seen.lab[i];
-    aspecular[fmt::format("{:.0f}", kAspecularDeg[i])] = {
-        {"lab", {finite(lab[0]), finite(lab[1]), finite(lab[2])}},
-        {"lightness_sigma", finite(lightness_sigma(inspector.basis(), cluster.raw, at))},
-        {"measured", is_measured(samples, at)}};
-  }
-  return {{"aspecular_deg", aspecular},
-          {"flop_index", finite(seen.flop_index)},
-          {"haze_gu", finite(haze_gu(cluster.gloss_gu))}};
-}
-
-void add_appearance(nlohmann::json& json, const Inspection& part, const Inspector& inspector) {
-  for (std::size_t i = 0; i < part.result.clusters.size(); ++i) {
-    const ClusterResult& cluster = part.result.clusters[i];
-    if (!cluster.valid.weights) continue;
-    json["clusters"][i]["appearance"] = appearance_json(inspector, cluster, part.samples.at(i));
-  }
-}
-
 /// Inspects one recording, writes what was asked for and returns its JSON.
 using Measure = std::function<Inspection(const Capture&)>;
 nlohmann::json process(const InspectOptions& options, const Inspector& inspector,
@@ -130,7 +102,6 @@ nlohmann::json process(const InspectOptions& options, const Inspector& inspector
     export_fits(dir, part, inspector.basis(), options.fit);
   }
   nlohmann::json json = part_to_json(recording.name, part.result, times, brdfs);
-  add_appearance(json, part, inspector);
   if (options.sufficient_model) add_sufficient_models(json, part, inspector.basis());
   if (exporting) write_text_file(dir / "result.json", result_document({json}).dump(2) + "\n");
   // A part whose lights did not work has nothing to show.

@@ -95,7 +95,13 @@ void cluster_stages(const Setting& s, const Stage& stage) {
   stage("  ridge, one cluster", [&] { ridge(basis, s.seen.samples[0]); });
   stage("  estimator, one cluster", [&] { s.inspector.estimator().estimate(s.seen.samples[0]); });
   stage("  BRDF of a cluster", [&] { make_brdf(s.inspector.shared_basis(), weights); });
-  stage("  gloss", [&] { gloss_gu(*brdf); });
+  stage("  gloss of it", [&] { gloss_gu(*brdf); });
+  Weights values_alone;
+  values_alone.c = weights.c;
+  stage("  readings of a cluster without deviations, by rows",
+        [&] { s.inspector.readings().read(values_alone, s.seen.samples[0]); });
+  stage("  readings of a cluster with deviations, by rows",
+        [&] { s.inspector.readings().read(weights, s.seen.samples[0]); });
   const JudgeSettings& settings = s.recipe.recipe.settings;
   stage("  local defects, evidence and search", [&] {
     find_defects(s.inspector.evidence_of(s.seen, s.recipe), s.inspector.defect_blocks(),

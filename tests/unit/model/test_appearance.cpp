@@ -1,15 +1,11 @@
 #include <cmath>
-#include <random>
 
 #include "catch.hpp"
 #include "model/analytic.hpp"
 #include "model/appearance.hpp"
-#include "model/error.hpp"
 #include "model/readings.hpp"
-#include "support/small_basis.hpp"
 
 using namespace brdfgate;
-using namespace brdfgate::test;
 
 TEST_CASE("Aspecular angles are counted from the mirror direction over the normal") {
   for (const double deg : kAspecularDeg) {
@@ -55,32 +51,4 @@ TEST_CASE("A direction is measured where a bin lies within five degrees of it") 
   CHECK_FALSE(is_measured(samples, {16 * kDegree, 30 * kDegree, 1.0}));
   CHECK_FALSE(is_measured(samples, {10 * kDegree, 36 * kDegree, 1.0}));
   CHECK_FALSE(is_measured(samples, {10 * kDegree, 30 * kDegree, 1.0 + EIGEN_PI / 2}));
-}
-
-TEST_CASE("The lightness' deviation is what weights drawn from their posterior scatter") {
-  const auto basis = small_basis();
-  const Eigen::Index k = basis->info().components;
-  const HalfDiff at = to_half_diff(aspecular_directions(45));
-  Weights mean;
-  mean.c = basis->training_weights().topRows(3).transpose();
-  mean.covariance.assign(3, Eigen::MatrixXd::Identity(k, k) * 1e-5);
-  std::mt19937 random(11);
-  std::normal_distribution<double> normal(0, std::sqrt(1e-5));
-  double sum = 0, squares = 0;
-  constexpr int kDraws = 400;
-  for (int i = 0; i < kDraws; ++i) {
-    Eigen::Array3d f;
-    for (int ch = 0; ch < 3; ++ch) {
-      const Eigen::VectorXd c =
-          mean.c.col(ch) + Eigen::VectorXd::NullaryExpr(k, [&] { return normal(random); });
-      f[ch] = basis->reconstruct(c, {at})[0];
-    }
-    const double l = linear_srgb_to_lab(EIGEN_PI * f)[0];
-    sum += l;
-    squares += l * l;
-  }
-  const double scatter = std::sqrt(squares / kDraws - std::pow(sum / kDraws, 2));
-  CHECK(lightness_sigma(*basis, mean, at) == Approx(scatter).epsilon(0.15));
-  mean.covariance.pop_back();
-  CHECK_THROWS_AS(lightness_sigma(*basis, mean, at), InputError);
 }

@@ -1,6 +1,7 @@
 // How often the gate rejects good parts and how often it finds bad ones, in simulated production.
 //
-//   stability --config STATION [--only KIND] [--good 1500] [--bad 300] [--some 60] --out DIR
+//   stability --config STATION [--only KIND] [--fault NAME...] [--good 1500] [--bad 300] [--some
+//   60] --out DIR
 //
 // Every part is rendered, captured and measured once; teaching sets drawn from the pool of good
 // parts, limits and verdicts are then matrix work. Bins and monitored directions are those of one
@@ -32,6 +33,7 @@ constexpr double kRates[] = {0.001, 0.01};
 struct Options {
   SessionOptions session;
   std::string only;
+  std::vector<std::string> only_faults;  ///< empty: all
   std::filesystem::path out = ".";
   int good = 1500, bad = 300, some = 60, sets = 50, taught = 50;
 };
@@ -199,6 +201,15 @@ void print_taught(const Kind& kind, const TeachingSet& set) {
   }
 }
 
+std::vector<Fault> faults_asked(const Study& study, const Kind& kind) {
+  std::vector<Fault> all = faults(kind, study.config);
+  const std::vector<std::string>& asked = study.options.only_faults;
+  std::erase_if(all, [&asked](const Fault& f) {
+    return !asked.empty() && std::find(asked.begin(), asked.end(), f.name) == asked.end();
+  });
+  return all;
+}
+
 void run_faults(Study& study, const Kind& kind, const RecipeInForce& force,
                 const std::vector<TeachingSet>& sets, const Tally& good) {
   Plot detection{"Detected share, " + kind.name,
@@ -217,7 +228,7 @@ void run_faults(Study& study, const Kind& kind, const RecipeInForce& force,
               {},
               true,
               false};
-  const std::vector<Fault> all = faults(kind, study.config);
+  const std::vector<Fault> all = faults_asked(study, kind);
   fmt::print(
       "\n| {} | size | parts | detected at 0.1 % | lower 95 % bound | at 1 % | reasons |\n"
       "|---|---|---|---|---|---|---|\n",
@@ -289,6 +300,7 @@ int main(int argc, char** argv) {
   options.session.add_to(app);
   options.session.add_overrides_to(app);
   app.add_option("--only", options.only, "one kind of part");
+  app.add_option("--fault", options.only_faults, "these ways to go wrong only, e.g. stain dull");
   app.add_option("--good", options.good, "good parts in the pool");
   app.add_option("--bad", options.bad, "parts of each fault's largest size");
   app.add_option("--some", options.some, "parts of each smaller size");

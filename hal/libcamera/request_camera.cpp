@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <utility>
 
+#include "hal/armed_bracket.hpp"
 #include "hal/camera_checks.hpp"
 #include "hal/frame_matcher.hpp"
 #include "hal/raw_formats.hpp"
@@ -79,17 +79,12 @@ class RequestCamera final : public Camera {
   void arm(const std::vector<ExposureRequest>& bracket, std::int64_t not_before_ns) override;
   RawFrame next_frame(std::chrono::milliseconds timeout) override;
   void stop() noexcept override {
-    disarm();
+    bracket_ = {};
     stop_stream();
   }
 
  private:
   void close() noexcept;
-  void disarm() noexcept {
-    matcher_ = {};
-    next_ = 0;
-    kept_.clear();
-  }
   void stop_stream() noexcept;
   void start_stream();
   void take_back();
@@ -116,10 +111,8 @@ class RequestCamera final : public Camera {
   std::vector<std::size_t> free_slots_;
   RequestSettings last_queued_;
 
-  FrameMatcher matcher_;
+  ArmedBracket bracket_;
   Schedule schedule_;
-  std::size_t next_ = 0;                  ///< of the bracket, to be delivered next
-  std::map<std::size_t, RawFrame> kept_;  ///< taken ahead of their turn
 };
 
 void RequestCamera::probe() {
@@ -136,7 +129,7 @@ void RequestCamera::probe() {
 }
 
 void RequestCamera::close() noexcept {
-  disarm();
+  bracket_ = {};
   stop_stream();
   device_.reset();
 }
@@ -205,7 +198,7 @@ RequestSettings RequestCamera::request_of(const AppliedSettings& settings) const
 }
 
 void RequestCamera::arm(const std::vector<ExposureRequest>& bracket, std::int64_t not_before_ns) {
-  disarm();
+  bracket_ = {};
   check_requests(bracket, name_);
   try {
     if (!device_) device_ = open_();
@@ -218,7 +211,7 @@ void RequestCamera::arm(const std::vector<ExposureRequest>& bracket, std::int64_
                          .gain_tolerance = kGainTolerance,
                          .not_before_ns = std::max(not_before_ns, device_->now_ns())};
     schedule_ = Schedule(wanted.size());
-    matcher_ = FrameMatcher(std::move(wanted), rule);
+    bracket_ = ArmedBracket(std::move(wanted), rule);
     queue_free();
   } catch (...) {
     close();
@@ -227,9 +220,10 @@ void RequestCamera::arm(const std::vector<ExposureRequest>& bracket, std::int64_
 }
 
 void RequestCamera::queue_free() {
-  while (!free_slots_.empty() && matcher_.size() > 0) {
-    if (const auto index = schedule_.next(matcher_)) {
-      last_queued_ = request_of(matcher_.wanted(*index));
+  const FrameMatcher& matcher = bracket_.matcher();
+  while (!free_slots_.empty() && matcher.size() > 0) {
+    if (const auto index = schedule_.next(matcher)) {
+      last_queued_ = request_of(matcher.wanted(*index));
     } else if (device_->slots() - free_slots_.size() >= kKeepAlive) {
       return;
     }
@@ -240,11 +234,11 @@ void RequestCamera::queue_free() {
 }
 
 RawFrame RequestCamera::next_frame(std::chrono::milliseconds timeout) {
-  if (next_ >= matcher_.size()) fail(CameraFault::no_frame, "next_frame", "nothing is armed");
+  if (bracket_.over()) fail(CameraFault::no_frame, "next_frame", "nothing is armed");
   try {
     RawFrame frame =
         wait_for_next(device_->now_ns() + to_ns(1e-3 * static_cast<double>(timeout.count())));
-    if (++next_ == matcher_.size()) report();
+    if (bracket_.over()) report();
     return frame;
   } catch (const CameraError& error) {
     if (error.fault() == CameraFault::no_frame) {
@@ -258,7 +252,7 @@ RawFrame RequestCamera::next_frame(std::chrono::milliseconds timeout) {
 
 RawFrame RequestCamera::wait_for_next(std::int64_t deadline_ns) {
   PassedFrames passed;
-  while (matcher_.is_missing(next_)) {
+  while (bracket_.awaits_next()) {
     const auto done = device_->wait(std::max<std::int64_t>(deadline_ns - device_->now_ns(), 0));
     if (done) {
       free_slots_.push_back(done->slot);
@@ -266,15 +260,14 @@ RawFrame RequestCamera::wait_for_next(std::int64_t deadline_ns) {
       take(*done, passed);
       queue_free();
     }
-    if (matcher_.is_missing(next_) && device_->now_ns() >= deadline_ns) {
+    if (bracket_.awaits_next() && device_->now_ns() >= deadline_ns) {
       device_->check_alive();
       fail(passed.other > 0 && passed.other >= passed.sum() / 2 ? CameraFault::not_applied
                                                                 : CameraFault::no_frame,
            "next_frame", "no frame of the bracket in time; " + passed.text());
     }
   }
-  auto taken = kept_.extract(next_);
-  return std::move(taken.mapped());
+  return bracket_.hand_out();
 }
 
 void RequestCamera::take(const CompletedRequest& done, PassedFrames& passed) {
@@ -284,17 +277,8 @@ void RequestCamera::take(const CompletedRequest& done, PassedFrames& passed) {
     ++passed.damaged;
     return;
   }
-  const FrameFacts facts = facts_of(done);
-  const FrameMatcher::Outcome outcome = matcher_.offer(facts);
-  passed.count(outcome.fate);
-  if (outcome.fate != FrameFate::taken) return;
-  schedule_.taken(outcome.index, matcher_);
-  RawFrame raw;
-  raw.counts = unpack(*settings_.pixel_format, image, settings_.shift_right);
-  raw.exposure_s = facts.applied->exposure_s;
-  raw.gain = facts.applied->gain;
-  raw.timestamp_ns = facts.begun_ns;
-  kept_.insert_or_assign(outcome.index, std::move(raw));
+  const FrameMatcher::Outcome outcome = bracket_.offer(facts_of(done), image, settings_, passed);
+  if (outcome.fate == FrameFate::taken) schedule_.taken(outcome.index, bracket_.matcher());
 }
 
 double RequestCamera::readout_s() const {
@@ -323,13 +307,14 @@ FrameFacts RequestCamera::facts_of(const CompletedRequest& done) const {
 
 void RequestCamera::report() {
   if (!settings_.note) return;
-  const std::uint64_t faults = matcher_.lost() + matcher_.repeated() + schedule_.repeats();
-  const bool slow = schedule_.frames() > matcher_.size() + kPatienceFrames;
+  const FrameMatcher& matcher = bracket_.matcher();
+  const std::uint64_t faults = matcher.lost() + matcher.repeated() + schedule_.repeats();
+  const bool slow = schedule_.frames() > matcher.size() + kPatienceFrames;
   if (faults == 0 && !slow) return;
   settings_.note(name_ + ": " + std::to_string(schedule_.frames()) + " frames for " +
-                 std::to_string(matcher_.size()) + " exposures; " +
-                 std::to_string(matcher_.lost()) + " lost, " + std::to_string(matcher_.repeated()) +
-                 " repeated, " + std::to_string(schedule_.repeats()) + " asked for again");
+                 std::to_string(matcher.size()) + " exposures; " + std::to_string(matcher.lost()) +
+                 " lost, " + std::to_string(matcher.repeated()) + " repeated, " +
+                 std::to_string(schedule_.repeats()) + " asked for again");
 }
 
 }  // namespace

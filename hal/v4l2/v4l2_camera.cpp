@@ -1,10 +1,9 @@
 #include "hal/v4l2/v4l2_camera.hpp"
 
 #include <algorithm>
-#include <cmath>
-#include <map>
 #include <utility>
 
+#include "hal/armed_bracket.hpp"
 #include "hal/camera_checks.hpp"
 #include "hal/frame_matcher.hpp"
 #include "hal/raw_formats.hpp"
@@ -49,18 +48,13 @@ class V4l2Camera final : public Camera {
   RawFrame next_frame(std::chrono::milliseconds timeout) override;
 
   void stop() noexcept override {
-    disarm();
+    bracket_ = {};
     if (device_) device_->stop();
   }
 
  private:
   void open();
   void close() noexcept;
-  void disarm() noexcept {
-    matcher_ = {};
-    next_ = 0;
-    kept_.clear();
-  }
   void start_stream();
   void ask_for(const AppliedSettings& settings);
   RawFrame wait_for_next(std::int64_t deadline_ns);
@@ -82,9 +76,7 @@ class V4l2Camera final : public Camera {
   ControlDelay delay_;
   std::optional<AppliedSettings> asked_;  ///< what the controls stand at; none: not known
 
-  FrameMatcher matcher_;
-  std::size_t next_ = 0;                  ///< of the bracket, to be delivered next
-  std::map<std::size_t, RawFrame> kept_;  ///< taken ahead of their turn
+  ArmedBracket bracket_;
 };
 
 void V4l2Camera::open() {
@@ -94,7 +86,7 @@ void V4l2Camera::open() {
 }
 
 void V4l2Camera::close() noexcept {
-  disarm();
+  bracket_ = {};
   controls_.reset();
   device_.reset();
   asked_.reset();
@@ -121,7 +113,7 @@ void V4l2Camera::ask_for(const AppliedSettings& settings) {
 }
 
 void V4l2Camera::arm(const std::vector<ExposureRequest>& bracket, std::int64_t not_before_ns) {
-  disarm();
+  bracket_ = {};
   check_requests(bracket, settings_.device);
   try {
     if (!device_) open();
@@ -133,7 +125,7 @@ void V4l2Camera::arm(const std::vector<ExposureRequest>& bracket, std::int64_t n
     const MatchRule rule{.exposure_tolerance_s = controls_->exposure_unit_s() / 2,
                          .not_before_ns = std::max(not_before_ns, system_.now_ns())};
     if (!wanted.empty()) ask_for(wanted.front());
-    matcher_ = FrameMatcher(std::move(wanted), rule);
+    bracket_ = ArmedBracket(std::move(wanted), rule);
   } catch (...) {
     close();
     throw;
@@ -141,11 +133,11 @@ void V4l2Camera::arm(const std::vector<ExposureRequest>& bracket, std::int64_t n
 }
 
 RawFrame V4l2Camera::next_frame(std::chrono::milliseconds timeout) {
-  if (next_ >= matcher_.size()) fail(CameraFault::no_frame, "next_frame", "nothing is armed");
+  if (bracket_.over()) fail(CameraFault::no_frame, "next_frame", "nothing is armed");
   try {
     RawFrame frame =
         wait_for_next(system_.now_ns() + to_ns(1e-3 * static_cast<double>(timeout.count())));
-    if (++next_ == matcher_.size()) report_losses();
+    if (bracket_.over()) report_losses();
     return frame;
   } catch (const CameraError& error) {
     // Late frames of a camera that is otherwise well are left behind by the next arm().
@@ -160,21 +152,20 @@ RawFrame V4l2Camera::next_frame(std::chrono::milliseconds timeout) {
 
 RawFrame V4l2Camera::wait_for_next(std::int64_t deadline_ns) {
   PassedFrames passed;
-  while (matcher_.is_missing(next_)) {
-    ask_for(matcher_.wanted(next_));
+  while (bracket_.awaits_next()) {
+    ask_for(bracket_.next_wanted());
     const auto frame = device_->wait(std::max<std::int64_t>(deadline_ns - system_.now_ns(), 0));
     if (frame) {
       take(*frame, passed);
       device_->requeue(*frame);
     }
-    if (matcher_.is_missing(next_) && system_.now_ns() >= deadline_ns) {
+    if (bracket_.awaits_next() && system_.now_ns() >= deadline_ns) {
       device_->check_alive();
       fail(CameraFault::no_frame, "next_frame",
            "no frame of the bracket in time; " + passed.text());
     }
   }
-  auto taken = kept_.extract(next_);
-  return std::move(taken.mapped());
+  return bracket_.hand_out();
 }
 
 void V4l2Camera::take(const V4l2Frame& frame, PassedFrames& passed) {
@@ -183,16 +174,7 @@ void V4l2Camera::take(const V4l2Frame& frame, PassedFrames& passed) {
     ++passed.damaged;
     return;
   }
-  const FrameFacts facts = facts_of(frame);
-  const FrameMatcher::Outcome outcome = matcher_.offer(facts);
-  passed.count(outcome.fate);
-  if (outcome.fate != FrameFate::taken) return;
-  RawFrame raw;
-  raw.counts = unpack(*settings_.pixel_format, image, settings_.shift_right);
-  raw.exposure_s = facts.applied->exposure_s;
-  raw.gain = facts.applied->gain;
-  raw.timestamp_ns = facts.begun_ns;
-  kept_.insert_or_assign(outcome.index, std::move(raw));
+  bracket_.offer(facts_of(frame), image, settings_, passed);
 }
 
 TimestampPoint V4l2Camera::timestamp_point(const V4l2Frame& frame) const {
@@ -231,9 +213,10 @@ FrameFacts V4l2Camera::facts_of(const V4l2Frame& frame) {
 }
 
 void V4l2Camera::report_losses() {
-  if (!settings_.note || matcher_.lost() + matcher_.repeated() == 0) return;
-  settings_.note(settings_.device + ": in one bracket " + std::to_string(matcher_.lost()) +
-                 " frame(s) lost, " + std::to_string(matcher_.repeated()) +
+  const FrameMatcher& matcher = bracket_.matcher();
+  if (!settings_.note || matcher.lost() + matcher.repeated() == 0) return;
+  settings_.note(settings_.device + ": in one bracket " + std::to_string(matcher.lost()) +
+                 " frame(s) lost, " + std::to_string(matcher.repeated()) +
                  " repeated; the exposures were taken again");
 }
 

@@ -48,7 +48,7 @@ archives() {
 }
 
 fetch() {
-  (cd "$work" && apt-get -q download "linux-image-$kernel=$kernel_version" "linux-source-6.1=$kernel_version" v4l2loopback-dkms)
+  (cd "$work" && apt-get -q -o Acquire::Retries=3 download "linux-image-$kernel=$kernel_version" "linux-source-6.1=$kernel_version" v4l2loopback-dkms)
   for package in "$work"/*.deb; do
     dpkg-deb -x "$package" "$work/packages"
   done
@@ -85,7 +85,7 @@ wanted_modules=(virtio_pci virtio_blk virtio_net ext4 crc32c_generic autofs4 gpi
 bootstrap() {
   archives >"$work/sources.list"
   [ -s "$work/sources.list" ] || { echo "apt knows no Debian archive"; return 1; }
-  "${as_root[@]}" mmdebstrap --variant=minbase --aptopt='APT::Install-Recommends "false"' \
+  "${as_root[@]}" mmdebstrap --variant=minbase --aptopt='APT::Install-Recommends "false"' --aptopt='Acquire::Retries "3"' \
     --include=systemd,systemd-sysv,udev,kmod,iproute2,procps,socat,gpiod,libcamera-ipa,libcamera-tools,v4l-utils \
     bookworm "$work/root" "$work/sources.list"
 }

@@ -62,9 +62,9 @@ class GpioSim {
   /// What the outside world does to the line.
   void pull(int line, bool up) { write(attribute(line, "pull"), up ? "pull-up" : "pull-down"); }
 
-  /// Looks until it is true; false after ten seconds.
+  /// Looks until it is true; false after a minute.
   static bool await(const std::function<bool()>& what) {
-    const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(10);
+    const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(60);
     while (!what()) {
       if (std::chrono::steady_clock::now() > deadline) return false;
       std::this_thread::yield();

@@ -1,4 +1,5 @@
 """A QEMU guest with a Debian kernel, and the hand that runs scripts in it."""
+import atexit
 import pathlib
 import shutil
 import socket
@@ -32,6 +33,7 @@ class Guest:
              "-drive", f"file={payload},format=raw,if=virtio,readonly=on",
              "-netdev", f"user,id=n{hostfwd}", "-device", "virtio-net-pci,netdev=n",
              "-serial", f"file:{log}"], stdin=subprocess.DEVNULL)
+        atexit.register(self.stop)
 
     def wait(self, limit=300):
         """Until the agent answers."""
@@ -90,4 +92,4 @@ def make_payload(image, content):
     image.unlink(missing_ok=True)
     size = int(subprocess.run(["du", "-sm", str(content)], capture_output=True, text=True, check=True).stdout.split()[0]) + 64
     subprocess.run([shutil.which("mke2fs") or "/sbin/mke2fs", "-q", "-t", "ext4", "-O", "^has_journal", "-d", str(content), str(image),
-                    f"{size}M"], check=True)
+                    f"{size}M"], check=True, stdout=subprocess.DEVNULL)

@@ -8,6 +8,8 @@
 // frame, one order a line:
 //   scene FILE   what lies under the camera      dead N    light N stays dark
 //   silent       no frames                       stuck N   light N stays on
+//   mute N       no frames while light N burns   number N  of these orders
+// ORDERS.done holds the number of the orders that the last frame obeyed.
 #include <fcntl.h>
 #include <fmt/core.h>
 #include <linux/videodev2.h>
@@ -16,6 +18,7 @@
 
 #include <array>
 #include <chrono>
+#include <filesystem>
 #include <fstream>
 #include <sstream>
 #include <stdexcept>
@@ -29,9 +32,16 @@ using namespace brdfgate;
 
 namespace {
 
+/// A frame that took longer, from looking at the lines to its last byte, is dropped: the loopback
+/// stamps it when it is written, and the station takes it for begun one exposure earlier. Shorter
+/// than the station's settle time, so that no stall passes one light's frame off as another's.
+constexpr std::chrono::milliseconds kSlowestFrame{200};
+
 struct Orders {
   std::string scene;
+  std::string number;
   bool silent = false;
+  LightIndex mute = kNoLight;
   std::array<bool, 2> dead{};
   std::array<bool, 2> stuck{};
 };
@@ -46,6 +56,8 @@ Orders read_orders(const std::string& file) {
     std::string what;
     words >> order >> what;
     if (order == "scene") orders.scene = what;
+    if (order == "number") orders.number = what;
+    if (order == "mute") orders.mute = std::stoi(what);
     if (order == "silent") orders.silent = true;
     if (order == "dead") orders.dead.at(std::stoul(what) - 1) = true;
     if (order == "stuck") orders.stuck.at(std::stoul(what) - 1) = true;
@@ -118,36 +130,51 @@ int open_output(const std::string& node, const SensorFormat& sensor) {
   return fd;
 }
 
+/// One exposure: what burns at both its ends burned through; a light switched meanwhile is seen in
+/// the frame, which therefore is not the other's either.
+cv::Mat expose(Album& album, LightIndex at_start, LightIndex at_end) {
+  const cv::Mat frame = album.next(at_start);
+  if (at_end == at_start) return frame;
+  cv::Mat both;
+  cv::addWeighted(frame, 0.5, album.next(at_end), 0.5, 0, both);
+  return both;
+}
+
+void write_frame(int fd, const cv::Mat& frame) {
+  const std::size_t bytes = frame.total() * frame.elemSize();
+  if (::write(fd, frame.data, bytes) != static_cast<ssize_t>(bytes)) {
+    throw std::runtime_error("the loopback takes no frame");
+  }
+}
+
+/// Whole or not at all, for whoever reads it meanwhile.
+void acknowledge(const std::string& orders_file, const std::string& number) {
+  const std::string file = orders_file + ".done";
+  std::ofstream(file + ".new") << number << '\n';
+  std::filesystem::rename(file + ".new", file);
+}
+
 void run(const std::array<std::string, 5>& arguments) {
   const StationConfig config = read_station_config(arguments[0]);
   const std::array<std::string, 2> lines{arguments[2], arguments[3]};
   Album album(config);
   const int fd = open_output(arguments[1], config.camera.sensor);
   const std::chrono::duration<double, std::milli> exposure(config.camera.bracket_ms.front());
-  bool announced = false;
+  std::string obeyed;
   while (true) {
     const Orders orders = read_orders(arguments[4]);
     if (!orders.scene.empty()) album.open(orders.scene);
-    // One exposure: what burns at both its ends burned through; a light switched meanwhile is seen
-    // in the frame, which therefore is not the other's either.
+    const auto begun = std::chrono::steady_clock::now();
     const LightIndex at_start = lit_now(lines, orders);
     std::this_thread::sleep_for(exposure);
     const LightIndex at_end = lit_now(lines, orders);
-    cv::Mat frame = album.next(at_start);
-    if (at_end != at_start) {
-      cv::Mat other = album.next(at_end);
-      cv::Mat both;
-      cv::addWeighted(frame, 0.5, other, 0.5, 0, both);
-      frame = both;
+    const bool muted = orders.mute != kNoLight && at_end == orders.mute;
+    if (!orders.silent && !muted) {
+      const cv::Mat frame = expose(album, at_start, at_end);
+      if (std::chrono::steady_clock::now() - begun > kSlowestFrame) continue;
+      write_frame(fd, frame);
     }
-    if (orders.silent) continue;
-    const std::size_t bytes = frame.total() * frame.elemSize();
-    if (::write(fd, frame.data, bytes) != static_cast<ssize_t>(bytes)) {
-      throw std::runtime_error("the loopback takes no frame");
-    }
-    if (!announced) fmt::print("feeding {}\n", arguments[1]);
-    std::fflush(stdout);
-    announced = true;
+    if (obeyed != orders.number) acknowledge(arguments[4], obeyed = orders.number);
   }
 }
 

@@ -31,7 +31,7 @@ guest=$(nice tests/kernel/build_guest.sh "$cache")
 
 echo "== kernel lab: the programs (preset $preset)"
 [ -e "build/$preset/build.ninja" ] || cmake --preset "$preset"
-cmake --build --preset "$preset" --target brdfgate brdfgated lab_gpio lab_camera lab_bench
+cmake --build --preset "$preset" --target brdfgate brdfgated camera_contract lab_gpio lab_camera lab_bench
 
 echo "== kernel lab: running"
 exec nice /usr/bin/python3 -B tests/kernel/test_lab.py "$guest" "build/$preset"

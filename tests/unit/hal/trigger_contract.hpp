@@ -22,7 +22,7 @@ inline void check_trigger_contract(const std::function<TriggerUnderTest()>& make
   const TriggerUnderTest under_test = make();
   Trigger& trigger = *under_test.trigger;
   const std::chrono::milliseconds at_once(0);
-  const std::chrono::milliseconds patient(5000);
+  const std::chrono::milliseconds patient(30000);
 
   SECTION("a quiet line times out") {
     CHECK_FALSE(trigger.wait(at_once));

@@ -1,19 +1,16 @@
 #include "app/calibration_report.hpp"
 
 #include <fmt/core.h>
-#include <openssl/evp.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "app/html_page.hpp"
 #include "app/plot.hpp"
 #include "app/result_json.hpp"
-#include "app/temp_folder.hpp"
 #include "model/error.hpp"
-#include "model/mapped_file.hpp"
 
 namespace brdfgate {
 namespace {
@@ -22,43 +19,6 @@ namespace {
 constexpr double kUniformitySpan = 0.5;
 constexpr double kResidualSpan = 0.02;
 constexpr int kTile = 32;  // pixels; the noise curve has a point per tile
-
-std::string image_tag(const std::string& png, const std::string& caption) {
-  return fmt::format(
-      "<figure><img alt=\"{0}\" src=\"data:image/png;base64,{1}\"><figcaption>{0}</figcaption>"
-      "</figure>\n",
-      html_text(caption), base64(png));
-}
-
-std::string png_of(const cv::Mat& image) {
-  std::vector<unsigned char> bytes;
-  cv::imencode(".png", image, bytes);
-  return {bytes.begin(), bytes.end()};
-}
-
-std::string png_of(const Plot& plot) {
-  const TempFolder folder;
-  const auto file = folder / "plot.png";
-  write_plot(plot, file);
-  const MappedFile png(file);
-  return {reinterpret_cast<const char*>(png.bytes().data()), png.bytes().size()};
-}
-
-/// Values around 0, +-span, as blue over white to red; black where not finite.
-cv::Mat diverging(const cv::Mat1f& values, double span) {
-  cv::Mat3b out(values.size());
-  for (int y = 0; y < values.rows; ++y) {
-    for (int x = 0; x < values.cols; ++x) {
-      const double v = values(y, x) / span;
-      const double pale = 255 * (1 - std::min(1.0, std::abs(v)));
-      const auto low = cv::saturate_cast<unsigned char>(pale);
-      out(y, x) = !std::isfinite(v) ? cv::Vec3b(0, 0, 0)
-                  : v < 0           ? cv::Vec3b(255, low, low)
-                                    : cv::Vec3b(low, low, 255);
-    }
-  }
-  return out;
-}
 
 /// Mean of the channels over its own median, less 1; NaN where masked.
 cv::Mat1f evenness(const Radiance& white) {
@@ -227,10 +187,6 @@ std::string response_picture(const Calibration& c) {
   return image_tag(png_of(plot), "The response that was recovered from the bracket");
 }
 
-std::string row(const std::string& name, const std::string& value) {
-  return fmt::format("<tr><th>{}</th><td>{}</td></tr>\n", html_text(name), html_text(value));
-}
-
 std::string place_text(const Eigen::Vector3d& p, const PlaceQuality& quality) {
   if (quality.source == GeometrySource::nominal) return "as configured, not calibrated";
   return fmt::format("{:.2f}, {:.2f}, {:.2f} mm, +- {:.2f} mm, {}", 1e3 * p.x(), 1e3 * p.y(),
@@ -240,14 +196,14 @@ std::string place_text(const Eigen::Vector3d& p, const PlaceQuality& quality) {
 
 std::string sensor_rows(const CalibrationOutcome& outcome) {
   const Calibration& c = outcome.calibration;
-  std::string out = row("black level", fmt::format("{:.2f} DN", c.sensor.black_level_dn)) +
-                    row("full well", fmt::format("{:.0f} DN", c.sensor.full_well_dn));
-  if (!c.response.empty()) return out + row("response", "tone curve, from a recorded bracket");
-  out += row("read noise", fmt::format("{:.3f} DN", c.noise.read_noise_dn)) +
-         row("gain", fmt::format("{:.4f} DN per electron", c.noise.gain_dn_per_e));
+  std::string out = fact_row("black level", fmt::format("{:.2f} DN", c.sensor.black_level_dn)) +
+                    fact_row("full well", fmt::format("{:.0f} DN", c.sensor.full_well_dn));
+  if (!c.response.empty()) return out + fact_row("response", "tone curve, from a recorded bracket");
+  out += fact_row("read noise", fmt::format("{:.3f} DN", c.noise.read_noise_dn)) +
+         fact_row("gain", fmt::format("{:.4f} DN per electron", c.noise.gain_dn_per_e));
   if (outcome.sweep) {
-    out += row("saturation", fmt::format("{:.0f} electrons", outcome.sweep->saturation_e)) +
-           row("linearity error", fmt::format("{:.2f} %", outcome.sweep->linearity_percent));
+    out += fact_row("saturation", fmt::format("{:.0f} electrons", outcome.sweep->saturation_e)) +
+           fact_row("linearity error", fmt::format("{:.2f} %", outcome.sweep->linearity_percent));
   }
   return out;
 }
@@ -255,30 +211,32 @@ std::string sensor_rows(const CalibrationOutcome& outcome) {
 std::string figures(const CalibrationOutcome& outcome) {
   const Calibration& c = outcome.calibration;
   const std::array<double, 3>& w = c.white_reflectance;
-  std::string out = "<table>\n" + row("made", c.created) + row("hash", c.hash) +
-                    row("station", c.station_hash) +
-                    row("white reference", fmt::format("{} {} {}", w[0], w[1], w[2]));
+  std::string out = "<table>\n" + fact_row("made", c.created) + fact_row("hash", c.hash) +
+                    fact_row("station", c.station_hash) +
+                    fact_row("white reference", fmt::format("{} {} {}", w[0], w[1], w[2]));
   if (!c.certificate.number.empty() || !c.certificate.due.empty()) {
-    out += row("certificate",
-               c.certificate.number + ", " + c.certificate.date + " to " + c.certificate.due);
+    out += fact_row("certificate",
+                    c.certificate.number + ", " + c.certificate.date + " to " + c.certificate.due);
   }
-  if (outcome.days_until_due) out += row("due", fmt::format("in {} days", *outcome.days_until_due));
+  if (outcome.days_until_due)
+    out += fact_row("due", fmt::format("in {} days", *outcome.days_until_due));
   out += sensor_rows(outcome);
-  out += row("camera", place_text(c.geometry.camera.position(), c.quality.camera));
+  out += fact_row("camera", place_text(c.geometry.camera.position(), c.quality.camera));
   for (std::size_t l = 0; l < c.geometry.lights_W.size(); ++l) {
     const PlaceQuality quality = l < c.quality.lights.size() ? c.quality.lights[l] : PlaceQuality{};
-    out += row(fmt::format("light {}", l + 1), place_text(c.geometry.lights_W[l], quality));
+    out += fact_row(fmt::format("light {}", l + 1), place_text(c.geometry.lights_W[l], quality));
   }
   if (c.colour) {
-    out += row("colour", fmt::format("{}: residual {:.2f} CIEDE2000 mean, {:.2f} max",
-                                     c.colour->chart, c.colour->de00_mean, c.colour->de00_max));
+    out +=
+        fact_row("colour", fmt::format("{}: residual {:.2f} CIEDE2000 mean, {:.2f} max",
+                                       c.colour->chart, c.colour->de00_mean, c.colour->de00_max));
   }
   for (std::size_t l = 0; l < outcome.drift.size(); ++l)
-    out += row(fmt::format("light {} since the last calibration", l + 1),
-               fmt::format("{:+.2f} %", 100 * outcome.drift[l]));
+    out += fact_row(fmt::format("light {} since the last calibration", l + 1),
+                    fmt::format("{:+.2f} %", 100 * outcome.drift[l]));
   for (std::size_t l = 0; l < c.stray_share.size(); ++l)
-    out += row(fmt::format("black gauge under light {}", l + 1),
-               fmt::format("{:.3f} % of white", 100 * c.stray_share[l]));
+    out += fact_row(fmt::format("black gauge under light {}", l + 1),
+                    fmt::format("{:.3f} % of white", 100 * c.stray_share[l]));
   return out + "</table>\n";
 }
 
@@ -290,44 +248,9 @@ constexpr const char* kStyle =
 
 }  // namespace
 
-std::string html_text(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        out += "&amp;";
-        break;
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      default:
-        out += c;
-    }
-  }
-  return out;
-}
-
-std::string base64(const std::string& bytes) {
-  std::string out(4 * ((bytes.size() + 2) / 3) + 1, '\0');  // the encoder ends with a zero
-  const int n = EVP_EncodeBlock(reinterpret_cast<unsigned char*>(out.data()),
-                                reinterpret_cast<const unsigned char*>(bytes.data()),
-                                static_cast<int>(bytes.size()));
-  out.resize(static_cast<std::size_t>(n));
-  return out;
-}
-
 void write_calibration_report(const std::filesystem::path& file, const CalibrationOutcome& outcome,
                               const CalibrationRecordings& from) {
-  std::string page = fmt::format(
-      "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
-      "<title>Calibration {}</title><style>{}</style></head><body>\n<h1>Calibration report</h1>\n",
-      html_text(outcome.calibration.created), kStyle);
+  std::string page = "<h1>Calibration report</h1>\n";
   for (const std::string& warning : outcome.warnings)
     page += fmt::format("<p class=\"warning\">{}</p>\n", html_text(warning));
   page += figures(outcome);
@@ -336,8 +259,7 @@ void write_calibration_report(const std::filesystem::path& file, const Calibrati
           (outcome.calibration.response.empty() ? noise_picture(outcome, from) : std::string());
   if (outcome.geometry.camera) page += "<h2>Camera</h2>\n" + reprojection_picture(outcome.geometry);
   if (outcome.geometry.lights) page += "<h2>Lights</h2>\n" + residual_pictures(outcome.geometry);
-  page += "</body></html>\n";
-  write_text_file(file, page);
+  write_text_file(file, html_page("Calibration " + outcome.calibration.created, kStyle, page));
 }
 
 }  // namespace brdfgate

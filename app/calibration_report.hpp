@@ -14,10 +14,4 @@ namespace brdfgate {
 void write_calibration_report(const std::filesystem::path& file, const CalibrationOutcome& outcome,
                               const CalibrationRecordings& from);
 
-/// Text that a page shows as it is: < > & and quotes escaped.
-std::string html_text(const std::string& text);
-
-/// RFC 4648, with padding.
-std::string base64(const std::string& bytes);
-
 }  // namespace brdfgate

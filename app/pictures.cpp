@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "app/html_page.hpp"
 #include "model/error.hpp"
 #include "model/reconstruction.hpp"
 
@@ -59,18 +61,6 @@ const std::array<cv::Vec3b, 8> kClusterColours{{{180, 119, 31},
                                                 {34, 189, 188},
                                                 {207, 190, 23}}};
 
-cv::Mat draw_regions(const Regions& regions) {
-  cv::Mat picture(regions.label.size(), CV_8UC3, cv::Scalar(0, 0, 0));
-  for (int y = 0; y < picture.rows; ++y) {
-    for (int x = 0; x < picture.cols; ++x) {
-      const unsigned char label = regions.label.at<unsigned char>(y, x);
-      if (label == kUnknown) picture.at<cv::Vec3b>(y, x) = {40, 39, 214};
-      if (label < kClusterColours.size()) picture.at<cv::Vec3b>(y, x) = kClusterColours[label];
-    }
-  }
-  return picture;
-}
-
 /// Mean luminance-like reflectance of each bin of one cluster, indexed by bin; 0 where it has none.
 std::vector<float> bin_levels(const BinnedSamples& samples, int bins) {
   std::vector<float> level(static_cast<std::size_t>(bins), 0.0F);
@@ -110,6 +100,25 @@ cv::Mat draw_residual(const Inspection& part, const StationMap& map, int light) 
   return picture;
 }
 
+constexpr double kRingGap = 5;  ///< px between a defect and the ring around it
+
+/// The block whose centre is nearest, as a point among them.
+cv::Point2d block_at(const DefectBlocks& blocks, const std::array<double, 2>& at_mm) {
+  const cv::Vec2f wanted(float(at_mm[0] * 1e-3), float(at_mm[1] * 1e-3));
+  cv::Point best;
+  double least = std::numeric_limits<double>::infinity();
+  for (int v = 0; v < blocks.size().height; ++v) {
+    for (int u = 0; u < blocks.size().width; ++u) {
+      const double d = cv::norm(blocks.position_m().at<cv::Vec2f>(v, u) - wanted, cv::NORM_L2SQR);
+      if (d < least) {
+        least = d;
+        best = {u, v};
+      }
+    }
+  }
+  return {best.x + 0.5, best.y + 0.5};
+}
+
 cv::Mat side_by_side(const std::vector<cv::Mat>& pictures) {
   cv::Mat row;
   cv::hconcat(pictures, row);
@@ -131,6 +140,44 @@ cv::Mat tone_map(const Reflectance& reflectance) {
         picture.at<cv::Vec3b>(y, x)[ch] = to_byte(1 + decades);
       }
     }
+  }
+  return picture;
+}
+
+cv::Mat draw_regions(const Regions& regions, unsigned char background) {
+  cv::Mat picture(regions.label.size(), CV_8UC3, cv::Scalar::all(background));
+  for (int y = 0; y < picture.rows; ++y) {
+    for (int x = 0; x < picture.cols; ++x) {
+      const unsigned char label = regions.label.at<unsigned char>(y, x);
+      if (label == kUnknown) picture.at<cv::Vec3b>(y, x) = {40, 39, 214};
+      if (label < kClusterColours.size()) picture.at<cv::Vec3b>(y, x) = kClusterColours[label];
+    }
+  }
+  return picture;
+}
+
+cv::Vec3b cluster_colour(std::size_t index) {
+  return kClusterColours[index % kClusterColours.size()];
+}
+
+cv::Mat draw_defect_scores(const cv::Mat1f& scores, double limit, const DefectBlocks& blocks,
+                           const std::vector<Defect>& defects, int width_px) {
+  const double scale = double(width_px) / scores.cols;
+  cv::Mat picture;
+  cv::Mat colours = diverging(scores, limit);
+  for (int v = 0; v < scores.rows; ++v) {
+    for (int u = 0; u < scores.cols; ++u)
+      if (std::isnan(scores(v, u))) colours.at<cv::Vec3b>(v, u) = cv::Vec3b::all(kNothingGrey);
+  }
+  cv::resize(colours, picture, {}, scale, scale, cv::INTER_NEAREST);
+  for (std::size_t i = 0; i < defects.size(); ++i) {
+    const cv::Point2d at = scale * block_at(blocks, defects[i].at_mm);
+    const cv::Size span = blocks.span(defects[i].size_mm);
+    const double radius = scale * std::max(span.width, span.height) / 2 + kRingGap;
+    cv::circle(picture, at, static_cast<int>(radius), cv::Scalar(0, 0, 0), 2, cv::LINE_AA);
+    const cv::Point label(static_cast<int>(at.x + radius) + 3, static_cast<int>(at.y) + 5);
+    cv::putText(picture, std::to_string(i + 1), label, cv::FONT_HERSHEY_SIMPLEX, 0.6,
+                cv::Scalar(0, 0, 0), 2, cv::LINE_AA);
   }
   return picture;
 }

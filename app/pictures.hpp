@@ -22,6 +22,18 @@ struct PartPictures {
 /// Logarithmic tone curve over three decades below the brightest percent, sRGB-encoded.
 cv::Mat tone_map(const Reflectance& reflectance);
 
+/// Where there is nothing to see, on pages.
+inline constexpr unsigned char kNothingGrey = 205;
+
+/// One colour per cluster; unknown red; what is not the part has the background's grey.
+cv::Mat draw_regions(const Regions& regions, unsigned char background = 0);
+cv::Vec3b cluster_colour(std::size_t index);  ///< BGR
+
+/// largest_scores() of one light, blue darker, red lighter, full colour at the limit, grey where
+/// nothing was looked at; a numbered ring around each defect, the first is 1.
+cv::Mat draw_defect_scores(const cv::Mat1f& scores, double limit, const DefectBlocks& blocks,
+                           const std::vector<Defect>& defects, int width_px);
+
 /// A sphere of the material under a frontal and a grazing point light (thesis, contribution C.I),
 /// orthographic view, sRGB.
 cv::Mat render_sphere(const Brdf& brdf, int side_px);

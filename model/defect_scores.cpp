@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <opencv2/imgproc.hpp>
 
 #include "model/error.hpp"
@@ -20,6 +21,18 @@ cv::Mat over_blocks(const cv::Mat& tiles, const cv::Size& size) {
   cv::resize(tiles, large, {tiles.cols * kTile, tiles.rows * kTile}, 0, 0, cv::INTER_LINEAR);
   large(cv::Rect({0, 0}, size)).copyTo(out);
   return out;
+}
+
+/// Of all channels, by magnitude.
+void keep_larger(const cv::Mat& z, cv::Mat1f& largest) {
+  const int channels = z.channels();
+  for (int v = 0; v < z.rows; ++v) {
+    const auto* row = z.ptr<float>(v);
+    for (int i = 0; i < z.cols * channels; ++i) {
+      float& kept = largest(v, i / channels);
+      if (std::abs(row[i]) > std::abs(kept)) kept = row[i];
+    }
+  }
 }
 
 }  // namespace
@@ -88,6 +101,20 @@ cv::Mat defect_scores(const DefectWindows& w, const ExpectedResidual& expected) 
       out[i] = var[i] < 0 ? 0.0F : (m[i] - mean[i]) / std::sqrt(s[i] * s[i] + var[i]);
   }
   return z;
+}
+
+std::vector<cv::Mat1f> largest_scores(const DefectEvidence& part, const DefectBlocks& blocks,
+                                      const DefectReference& taught) {
+  std::vector<cv::Mat1f> out;
+  for (std::size_t light = 0; light < part.lights.size(); ++light) {
+    const DefectEvidence::Light& seen = part.lights[light];
+    const ExpectedResidual expected = expected_residual(taught, light, seen.residual);
+    cv::Mat1f& largest = out.emplace_back(seen.residual.size(), 0.0F);
+    for (const double mm : kDefectWindowsMm)
+      keep_larger(defect_scores(windows_of(seen, blocks.span(mm)), expected), largest);
+    largest.setTo(std::numeric_limits<float>::quiet_NaN(), seen.use == 0);
+  }
+  return out;
 }
 
 double independent_windows(const DefectEvidence& part, const DefectBlocks& blocks) {

@@ -84,6 +84,11 @@ DefectReference teach_defects(const std::vector<DefectEvidence>& parts, const De
 double defect_peak(const DefectEvidence& part, const DefectBlocks& blocks,
                    const DefectReference& taught);
 
+/// Per light, of each block the z that is largest over channels and window sizes (signed), what
+/// find_defects() compares with the limit; NaN where nothing was looked at.
+std::vector<cv::Mat1f> largest_scores(const DefectEvidence& part, const DefectBlocks& blocks,
+                                      const DefectReference& taught);
+
 /// Blobs beyond the limit, largest first: kind from both lights together.
 /// A blob of smaller area or of a smaller mean change than the settings say is not reported.
 std::vector<Defect> find_defects(const DefectEvidence& part, const DefectBlocks& blocks,

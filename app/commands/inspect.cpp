@@ -2,6 +2,7 @@
 #include <fmt/core.h>
 
 #include "app/commands/commands.hpp"
+#include "app/explain.hpp"
 #include "app/fit_export.hpp"
 #include "app/image_export.hpp"
 #include "app/pictures.hpp"
@@ -10,6 +11,8 @@
 #include "app/session.hpp"
 #include "app/stopwatch.hpp"
 #include "model/estimators.hpp"
+#include "model/hash.hpp"
+#include "model/mapped_file.hpp"
 #include "model/parsimony.hpp"
 #include "model/reconstruction.hpp"
 
@@ -86,12 +89,35 @@ void print_part(const std::string& name, const PartResult& r) {
   }
 }
 
+/// What all parts of one run have in common.
+struct Run {
+  const InspectOptions& options;
+  const StationConfig& config;
+  const Inspector& inspector;
+  const RecipeInForce* recipe = nullptr;  ///< nullptr: none
+  std::function<Inspection(const Capture&)> measure;
+  std::string recipe_hash;
+};
+
+/// Pictures and the page that explains them; prints the page's text.
+void write_evidence(const Run& run, const Inspection& part, const Recording& recording,
+                    const CycleTimes& times, bool several) {
+  const auto dir = folder_for(run.options.evidence_dir, recording.name, several);
+  // A part whose lights did not work has nothing to show.
+  if (!part.reflectance.empty()) write_pictures(dir, draw(part, run.inspector));
+  const ExplainSource source{part,           run.inspector,           run.recipe,
+                             recording.name, run.config.station_hash, run.recipe_hash,
+                             times};
+  write_explanation(dir, source);
+  if (!run.options.session.json) fmt::print("{}", explain_text(source));
+}
+
 /// Inspects one recording, writes what was asked for and returns its JSON.
-using Measure = std::function<Inspection(const Capture&)>;
-nlohmann::json process(const InspectOptions& options, const Inspector& inspector,
-                       const Measure& measure, const Recording& recording, bool several) {
+nlohmann::json process(const Run& run, const Recording& recording, bool several) {
+  const InspectOptions& options = run.options;
+  const Inspector& inspector = run.inspector;
   const Stopwatch watch;
-  const Inspection part = measure(recording.capture);
+  const Inspection part = run.measure(recording.capture);
   const CycleTimes times{0, watch.elapsed_ms()};
   const bool exporting = !options.export_dir.empty();
   const auto dir =
@@ -104,29 +130,28 @@ nlohmann::json process(const InspectOptions& options, const Inspector& inspector
   nlohmann::json json = part_to_json(recording.name, part.result, times, brdfs);
   if (options.sufficient_model) add_sufficient_models(json, part, inspector.basis());
   if (exporting) write_text_file(dir / "result.json", result_document({json}).dump(2) + "\n");
-  // A part whose lights did not work has nothing to show.
-  if (!options.evidence_dir.empty() && !part.reflectance.empty()) {
-    write_pictures(folder_for(options.evidence_dir, recording.name, several),
-                   draw(part, inspector));
-  }
   if (!options.images_dir.empty()) {
     export_images(folder_for(options.images_dir, recording.name, several), recording.capture, part,
                   inspector);
   }
-  if (!options.session.json) print_part(recording.name, part.result);
+  if (!options.evidence_dir.empty()) {
+    write_evidence(run, part, recording, times, several);
+  } else if (!options.session.json) {
+    print_part(recording.name, part.result);
+  }
   return json;
 }
 
-std::vector<Verdict> run(const InspectOptions& options, const StationConfig& config,
-                         const Inspector& inspector, const Measure& measure) {
+std::vector<Verdict> process_all(const Run& run) {
+  const InspectOptions& options = run.options;
   const auto folders = find_all_recordings(options.from);
   std::vector<nlohmann::json> parts;
   std::vector<Verdict> verdicts;
   Progress progress("inspecting", static_cast<int>(folders.size()));
   for (const auto& dir : folders) {
     const Recording recording =
-        load_part(dir, config, inspector, !options.session.calibration.empty());
-    parts.push_back(process(options, inspector, measure, recording, folders.size() > 1));
+        load_part(dir, run.config, run.inspector, !options.session.calibration.empty());
+    parts.push_back(process(run, recording, folders.size() > 1));
     const std::string verdict = parts.back()["verdict"];
     verdicts.push_back(verdict == "pass"     ? Verdict::pass
                        : verdict == "reject" ? Verdict::reject
@@ -141,9 +166,12 @@ int inspect(const InspectOptions& options) {
   const StationConfig config = load_config(options.session);
   const Inspector inspector = load_inspector(config);
   const auto recipe = load_recipe(config, inspector);
-  return exit_code_of(run(options, config, inspector, [&](const Capture& capture) {
-    return inspector.inspect(capture, recipe ? &*recipe : nullptr);
-  }));
+  const RecipeInForce* in_force = recipe ? &*recipe : nullptr;
+  Run run{options, config, inspector, in_force, {}, {}};
+  run.measure = [&](const Capture& capture) { return inspector.inspect(capture, in_force); };
+  if (in_force != nullptr)
+    run.recipe_hash = sha256_hex(MappedFile(config.files.recipes.front()).bytes());
+  return exit_code_of(process_all(run));
 }
 
 void add_sufficient_model_option(CLI::App& command, InspectOptions& options) {
@@ -157,12 +185,14 @@ int reconstruct(const InspectOptions& options) {
   if (!options.method.empty()) config.inspection.method = options.method;
   const Inspector inspector = load_inspector(config);
   bool all_measured = true;
-  run(options, config, inspector, [&](const Capture& capture) {
+  Run run{options, config, inspector, nullptr, {}, {}};
+  run.measure = [&](const Capture& capture) {
     Inspection part = inspector.measure(capture);
     all_measured &= std::any_of(part.result.clusters.begin(), part.result.clusters.end(),
                                 [](const ClusterResult& c) { return c.valid.weights; });
     return part;
-  });
+  };
+  process_all(run);
   return all_measured ? kExitYes : kExitNotJudged;
 }
 
@@ -178,7 +208,8 @@ void add_inspect(CLI::App& tool, int& exit_code) {
   command->add_option("--export-brdf", options->export_dir,
                       "write each cluster's BRDF and result.json here");
   add_fit_option(*command, options->fit)->needs("--export-brdf");
-  command->add_option("--evidence", options->evidence_dir, "write pictures here");
+  command->add_option("--evidence", options->evidence_dir,
+                      "write pictures and explain.html here, and say why");
   command->add_option("--export-images", options->images_dir,
                       "write radiance.exr and reflectance.exr here");
   add_sufficient_model_option(*command, *options);
@@ -196,7 +227,7 @@ void add_reconstruct(CLI::App& tool, int& exit_code) {
   command->add_option("--out", options->export_dir, "folder for cluster_<n>.binary and result.json")
       ->required();
   add_fit_option(*command, options->fit);
-  command->add_option("--evidence", options->evidence_dir, "write pictures here");
+  command->add_option("--evidence", options->evidence_dir, "write pictures and explain.html here");
   command->add_option("--export-images", options->images_dir,
                       "write radiance.exr and reflectance.exr here");
   add_sufficient_model_option(*command, *options);

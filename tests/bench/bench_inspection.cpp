@@ -117,7 +117,7 @@ int main(int argc, char** argv) {
   const Time merge = least_time(repeats, [&] { to_radiance(s.part, s.inspector.calibration()); });
   const auto stage = [&](const char* name, const std::function<void()>& work) {
     const Time t = least_time(repeats, work);
-    std::printf("%-46s %8.1f ms %8.1f ms of processor, %5.2f times the merge\n", name, t.wall_ms,
+    std::printf("%-52s %8.2f ms %8.2f ms of processor, %5.2f times the merge\n", name, t.wall_ms,
                 t.cpu_ms, t.cpu_ms / merge.cpu_ms);
   };
   stage("brackets to radiance (the floor)",

@@ -302,7 +302,8 @@ json readings_of(const Study& s, const Brdf& brdf, const Weights& w) {
           reading_json(r.aspecular[i].lab[j], truth.lab[i][Index(j)]);
     }
   }
-  if (std::isfinite(truth.flop_index)) out["flop"] = reading_json(r.flop, truth.flop_index);
+  if (std::isfinite(truth.flop_index) && std::isfinite(r.flop.sigma))
+    out["flop"] = reading_json(r.flop, truth.flop_index);
   return out;
 }
 

@@ -1,4 +1,5 @@
 #include "app/calibration_report.hpp"
+#include "app/html_page.hpp"
 #include "catch.hpp"
 #include "support/shipped.hpp"
 #include "support/temp_dir.hpp"

@@ -45,7 +45,7 @@ void add_colour(std::vector<ReadingWords>& out, const ClusterReadings& r,
   for (std::size_t i = 0; i < kAspecularDeg.size(); ++i) {
     const Reading& l = r.aspecular[i].lab[0];
     if (i != 2)  // 45 is 45:0
-      out.push_back({fmt::format("L* at {:.0f} deg aspecular", kAspecularDeg[i]),
+      out.push_back({fmt::format("L* at {:.0f} deg asp.", kAspecularDeg[i]),
                      fmt::format("{:.1f}", l.value),
                      between(l.interval(), 1),
                      {},

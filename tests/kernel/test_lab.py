@@ -437,10 +437,14 @@ class LabTest(unittest.TestCase):
 
     def test_5_a_chip_that_disappears_and_returns(self):
         with self.loop() as plc:
+            self.inspect_until_light_2_burns(plc, 200)
             self.guest.must("echo 0 >/sys/kernel/config/gpio-sim/lab-lights/live")
-            gone = plc.inspect(200)
+            gone = plc.result()
             self.assertEqual((gone["verdict"], gone["reasons"], gone["error"]), (NOT_JUDGED, HARDWARE, LIGHTS), self.journal())
+            plc.until(lambda: plc.words(3, 1)[0] == ERROR, "in error")
             self.guest.must(f"{LEVEL}{FEED} echo 1 >/sys/kernel/config/gpio-sim/lab-lights/live; udevadm settle; feed_of_the_chip", limit=400)
+            self.put("good")
+            plc.until(lambda: plc.words(3, 1)[0] != ERROR, "taken into use without a restart")
             self.assertEqual(plc.inspect(201)["verdict"], PASS, self.journal())
             self.guest.must("echo 0 >/sys/kernel/config/gpio-sim/lab-machine/live")
             plc.await_bits(1 << 8)
@@ -469,14 +473,18 @@ class LabTest(unittest.TestCase):
                 self.guest.must(f"date -s \"$(date -d '{step}')\"")
                 self.assertEqual(plc.inspect(400)["verdict"], PASS, self.journal())
 
-    def end_while_it_burns(self, plc, how):
-        """A signal to the daemon while a light burns, which then goes off."""
-        self.put("good", "mute 2")  # keeps the inspection waiting for a frame, with light 2 on
-        plc.command(1 | 8, 0, 500)
+    def inspect_until_light_2_burns(self, plc, trigger_id):
+        """An inspection that waits for a frame, with light 2 on."""
+        self.put("good", "mute 2")
+        plc.command(1 | 8, 0, trigger_id)
         plc.await_bits(1)
         plc.command(1 | 2)
-        self.guest.must(f"{LEVEL} set -e; await '[ $(level lab-lights 1 value) = 1 ]'; systemctl kill -s {how} --kill-whom=main brdfgated;"
-                        "await '[ $(level lab-lights 1 value) = 0 ]'")
+        self.guest.must(f"{LEVEL} await '[ $(level lab-lights 1 value) = 1 ]'")
+
+    def end_while_it_burns(self, plc, how):
+        """A signal to the daemon while a light burns, which then goes off."""
+        self.inspect_until_light_2_burns(plc, 500)
+        self.guest.must(f"{LEVEL} systemctl kill -s {how} --kill-whom=main brdfgated; await '[ $(level lab-lights 1 value) = 0 ]'")
         self.assert_dark()
 
     def test_8_killed_or_hung_the_lights_go_off_and_the_station_comes_back(self):

@@ -119,6 +119,19 @@ std::vector<BrdfPtr> defect_materials(const Recipe& recipe,
   return materials;
 }
 
+/// A rule on colour where none is known would leave every part not judged.
+void check_colour_rules(const Recipe& recipe, bool known, const std::string& where) {
+  const std::vector<Rule>& rules = recipe.rules.rules;
+  for (std::size_t i = 0; i < rules.size() && !known; ++i) {
+    const RuleReadingInfo& info = rule_reading_info(rules[i].reading);
+    if (!info.is_colour()) continue;
+    throw InputError(where + " (rules.rules[" + std::to_string(i) + "].reading)",
+                     info.name + " is a reading of colour, and this station knows none",
+                     "a colour camera with a chart in its calibration (or declared linear sRGB), "
+                     "or no such rule");
+  }
+}
+
 }  // namespace
 
 Inspector::Inspector(const StationConfig& config, std::shared_ptr<const Basis> basis,
@@ -165,6 +178,7 @@ RecipeInForce Inspector::bring_into_force(Recipe recipe) const {
         fmt::format("part_height_mm {} is another height of the part", recipe.part_height_mm),
         fmt::format("{} as in inspection.part_height_mm (teach again)", settings_.part_height_mm));
   }
+  check_colour_rules(recipe, colour_known() && recipe.channels == 3, where);
   RecipeInForce force{std::move(recipe), {}, {}, {}};
   const double to_c = 1 / std::sqrt(double(basis_->info().observations));
   for (const TaughtCluster& cluster : force.recipe.clusters) {
@@ -375,6 +389,7 @@ Inspection Inspector::measure(const Capture& capture, const RecipeInForce* recip
                                       recipe->defect_material, recipe->recipe.settings);
   }
   part.facts.tilt_deg = part.result.tilt_deg;
+  part.facts.tilt_sigma_deg = part.result.tilt_sigma_deg;
   part.facts.shift_mm = part.result.shift_mm;
   part.facts.rotation_deg = part.result.rotation_deg;
   part.result.calibration_hash = calibration_.hash;
@@ -395,6 +410,7 @@ void Inspector::judge(Inspection& part, const RecipeInForce* recipe) const {
   part.result.t2_ratio = judgement.t2_ratio;
   part.result.spe_ratio = judgement.spe_ratio;
   part.result.worst_cluster = judgement.worst_cluster;
+  part.result.rules = std::move(judgement.rules);
 }
 
 std::string Inspector::light_fault(const Capture& capture) const {

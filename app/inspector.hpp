@@ -47,7 +47,8 @@ class Inspector {
   Inspector(const StationConfig& config, std::shared_ptr<const Basis> basis,
             Calibration calibration);
 
-  /// Throws InputError where the recipe belongs to another basis, calibration or part height.
+  /// Throws InputError where the recipe belongs to another basis, calibration or part height, or
+  /// has rules on colour where this station knows none.
   RecipeInForce bring_into_force(Recipe recipe) const;
 
   /// Measures: regions (taught ones with a recipe, else found), bins, weights, readings, defects;

@@ -12,6 +12,7 @@
 #include "app/defect_yaml.hpp"
 #include "app/result_json.hpp"
 #include "config/judge_yaml.hpp"
+#include "config/rules_yaml.hpp"
 #include "config/yaml_reader.hpp"
 
 namespace brdfgate {
@@ -79,6 +80,10 @@ class Writer {
       out_ << YAML::DoubleQuoted << warning;
     out_ << YAML::EndSeq;
     settings(r.settings);
+    if (!r.rules.rules.empty()) {
+      key("rules");
+      write_rule_set(out_, r.rules, r.clusters);
+    }
     if (!r.layout.empty()) layout(r.layout);
     key("clusters") << YAML::BeginSeq;
     for (const TaughtCluster& taught : r.clusters)
@@ -370,6 +375,7 @@ Recipe read_recipe(const std::filesystem::path& file) {
   r.warnings = root.texts("warnings");
   r.settings = read_judge_settings(root.at("settings"));
   r.clusters = read_clusters(root, r);
+  if (root.has("rules")) r.rules = read_rule_set(root.at("rules"), &r.clusters);
   if (root.has("layout")) r.layout = read_layout(root.at("layout"), r.clusters.size());
   if (root.has("defects")) {
     r.defects =

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <fstream>
 
+#include "app/rules_json.hpp"
 #include "model/error.hpp"
 
 namespace brdfgate {
@@ -178,6 +179,7 @@ json part_to_json(const std::string& recording, const PartResult& r, const Cycle
           {"acquisition_ms", finite(times.acquisition_ms)},
           {"processing_ms", finite(times.processing_ms)},
           {"defects", defects_to_json(r.defects)},
+          {"rules", rule_outcomes_to_json(r.rules)},
           {"clusters", std::move(clusters)}};
 }
 

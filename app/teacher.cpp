@@ -73,6 +73,10 @@ void Teacher::add(const std::string& name, const Capture& capture) {
   ++parts_;
 }
 
+std::vector<TaughtCluster> Teacher::clusters() const {
+  return draft_ ? draft_->recipe.clusters : std::vector<TaughtCluster>{};
+}
+
 void Teacher::begin(const std::string& name, const Inspection& first) {
   Recipe recipe;
   recipe.calibration_hash = inspector_.calibration().hash;

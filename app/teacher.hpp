@@ -22,6 +22,10 @@ class Teacher {
 
   int parts() const { return parts_; }
 
+  /// Of the first part, as the recipe will have them: names and area shares are known, the rest is
+  /// not yet. Empty before it.
+  std::vector<TaughtCluster> clusters() const;
+
   /// @pre at least one part; throws InputError otherwise.
   Recipe recipe(const std::string& name, int id) const;
 

@@ -6,6 +6,8 @@
 #include <limits>
 #include <string>
 
+#include "model/rule_values.hpp"
+
 namespace brdfgate {
 namespace {
 
@@ -84,8 +86,11 @@ class Judge {
       judge_pose(facts);
       judge_regions(facts);
       for (std::size_t i = 0; i < recipe_->clusters.size(); ++i) {
-        if (in_place(i, facts)) judge_cluster(i, clusters, observed);
+        const bool there = in_place(i, facts);
+        if (there) judge_cluster(i, clusters, observed);
+        judge_cluster_rules(i, there, clusters, observed);
       }
+      judge_part_rules(facts);
     }
     return conclude();
   }
@@ -140,8 +145,9 @@ class Judge {
                                      " deg in its plane, over its limit " +
                                      number(settings_.max_rotation_deg) + " deg");
     }
-    if (beyond(std::abs(facts.tilt_deg[0]), settings_.max_tilt_deg) ||
-        beyond(std::abs(facts.tilt_deg[1]), settings_.max_tilt_deg)) {
+    if (!rules().has(RuleReading::tilt_deg, kEveryCluster) &&
+        (beyond(std::abs(facts.tilt_deg[0]), settings_.max_tilt_deg) ||
+         beyond(std::abs(facts.tilt_deg[1]), settings_.max_tilt_deg))) {
       find(Reason::tilt, "the part is tilted by (" + number(facts.tilt_deg[0]) + ", " +
                              number(facts.tilt_deg[1]) + ") deg, over its limit " +
                              number(settings_.max_tilt_deg) + " deg");
@@ -167,18 +173,21 @@ class Judge {
   void judge_regions(const PartFacts& facts) {
     if (!std::isfinite(facts.unknown_share)) {
       find(Reason::coverage, "the share of unknown cells is not known");
-    } else if (facts.unknown_share > settings_.unknown_share_limit) {
+    } else if (facts.unknown_share > settings_.unknown_share_limit &&
+               !rules().has(RuleReading::unknown_share, kEveryCluster)) {
       find(Reason::unknown_region, percent(facts.unknown_share) +
                                        " of the part matches no taught cluster, over its limit " +
                                        percent(settings_.unknown_share_limit));
     }
-    if (facts.defects.empty()) return;
+    std::vector<Defect> defects = facts.defects;
+    std::erase_if(defects, [this](const Defect& d) { return rules().has_defects_of(d.kind); });
+    if (defects.empty()) return;
     const auto largest =
-        std::max_element(facts.defects.begin(), facts.defects.end(),
+        std::max_element(defects.begin(), defects.end(),
                          [](const Defect& a, const Defect& b) { return a.size_mm < b.size_mm; });
     find(Reason::local_defect,
-         std::to_string(facts.defects.size()) +
-             (facts.defects.size() == 1 ? " local defect: " : " local defects; the largest: ") +
+         std::to_string(defects.size()) +
+             (defects.size() == 1 ? " local defect: " : " local defects; the largest: ") +
              largest->kind + ", " + number(largest->size_mm) + " mm at (" +
              number(largest->at_mm[0]) + ", " + number(largest->at_mm[1]) + ") mm");
   }
@@ -192,7 +201,8 @@ class Judge {
     }
     ClusterResult& cluster = clusters[i];
     const bool draft = taught.parts == 0;
-    if (!draft) judge_area(cluster, taught, quoted);
+    if (!draft && !rules().has(RuleReading::area_share, static_cast<int>(i)))
+      judge_area(cluster, taught, quoted);
     if (cluster.bins < settings_.min_bins) {
       return find(Reason::coverage, quoted + " was seen in " + std::to_string(cluster.bins) +
                                         " angular bins, it takes " +
@@ -209,7 +219,50 @@ class Judge {
       return find(Reason::outside_basis, quoted + " could not be compared with the taught parts");
     }
     judge_weights(i, cluster, taught, *observed[i]);
-    judge_readings(cluster, taught, *observed[i], quoted);
+    judge_readings(i, cluster, taught, *observed[i]);
+  }
+
+  const RuleSet& rules() const { return recipe_->rules; }
+
+  /// Keeps an outcome; what does not pass is found.
+  void keep(RuleOutcome outcome) {
+    if (outcome.verdict != Verdict::pass) find(outcome.reason, outcome.text);
+    judgement_.rules.push_back(std::move(outcome));
+  }
+
+  void judge_cluster_rules(std::size_t i, bool there, const std::vector<ClusterResult>& clusters,
+                           const std::vector<std::optional<ClusterObservation>>& observed) {
+    const TaughtCluster& taught = recipe_->clusters[i];
+    const int index = static_cast<int>(i);
+    const bool comparable = i < observed.size() && observed[i] && is_finite(*observed[i]);
+    there = there && i < clusters.size() && clusters[i].present;
+    for (const Rule& rule : rules().rules) {
+      if (!rule.is_about(rule.reading, index) || rule_reading_info(rule.reading).of_part) continue;
+      RuleValue value;
+      if (there) {
+        value =
+            cluster_value(rule.reading, clusters[i], taught, comparable ? &*observed[i] : nullptr);
+      }
+      RuleOutcome outcome =
+          judge_rule(rule, rules().guard, value, "cluster '" + taught.name + "': ");
+      outcome.cluster = index;
+      outcome.cluster_name = taught.name;
+      if (there) {
+        keep(std::move(outcome));
+      } else {  // found already, as what it is
+        outcome.reason = Reason::missing_cluster;
+        outcome.text = "cluster '" + taught.name + "' is missing";
+        judgement_.rules.push_back(std::move(outcome));
+      }
+    }
+  }
+
+  void judge_part_rules(const PartFacts& facts) {
+    for (const Rule& rule : rules().rules) {
+      if (!rule_reading_info(rule.reading).of_part) continue;
+      keep(judge_rule(rule, rules().guard, part_value(rule.reading, facts, rule.kind),
+                      "the part: "));
+    }
   }
 
   static bool usable(const TaughtCluster& taught) {
@@ -267,18 +320,22 @@ class Judge {
     judgement_.spe_ratio = std::max(judgement_.spe_ratio, spe);
   }
 
-  void judge_readings(ClusterResult& cluster, const TaughtCluster& taught,
-                      const ClusterObservation& seen, const std::string& quoted) {
+  void judge_readings(std::size_t i, ClusterResult& cluster, const TaughtCluster& taught,
+                      const ClusterObservation& seen) {
+    const std::string quoted = "cluster '" + taught.name + "'";
+    const int index = static_cast<int>(i);
     if (cluster.valid.colour) {
       cluster.delta_e00 =
           delta_e00(taught.lab, compared_colour(taught, seen).value_or(cluster.lab));
+    }
+    if (cluster.valid.colour && !rules().has(RuleReading::delta_e00, index)) {
       judge_reading(Reason::colour, cluster.delta_e00, settings_.colour_limit_de00,
                     quoted + ": colour is " + number(cluster.delta_e00) +
                         " dE00 from the taught one, over its limit " +
                         number(settings_.colour_limit_de00),
                     quoted + ": its colour is not a finite number");
     }
-    if (cluster.valid.gloss) {
+    if (cluster.valid.gloss && !rules().has(RuleReading::gloss_60_gu, index)) {
       const double change = cluster.gloss_gu[1] - taught.gloss_gu[1];
       const bool finite = std::all_of(cluster.gloss_gu.begin(), cluster.gloss_gu.end(),
                                       [](double gloss) { return std::isfinite(gloss); });

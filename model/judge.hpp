@@ -32,6 +32,7 @@ struct PartFacts {
   std::vector<double> lamp_drift;    ///< per light, relative; empty: not watched
   double max_lamp_drift = 0;         ///< beyond it, either way, nothing is judged
   std::array<double, 2> tilt_deg{};  ///< about x and y
+  std::array<double, 2> tilt_sigma_deg{};
   std::array<double, 2> shift_mm{};  ///< from the taught place
   double rotation_deg = 0;           ///< from the taught pose, in the plane
   /// Per cluster: share of its taught place, as far as seen, that shows it; empty: not known.
@@ -50,6 +51,7 @@ struct Judgement {
   double t2_ratio = 0;            ///< largest T^2 over its limit; only finite ones count
   double spe_ratio = 0;
   int worst_cluster = 0;  ///< the one with the largest of both ratios
+  std::vector<RuleOutcome> rules;
 };
 
 /// A cluster that shows in less of its taught place is missing there.
@@ -66,6 +68,9 @@ inline constexpr double kForeignPartShare = 0.9;
 ///   missing clusters that follow from it.
 /// - Without a recipe (nullptr), or with a cluster that has no limits yet (a draft while teaching):
 ///   calibration_or_recipe; the part-level limits of `settings` still count.
+/// - The recipe's rules count beside T^2 and SPE, and instead of the settings' limit on the same
+///   reading and cluster: colour, gloss at 60 degrees, area share, unknown share, tilt, and local
+///   defects of the kinds that a rule is about (of no kind: of all).
 /// @param settings  used without a recipe; with one, its own settings are
 /// @param clusters  by index as in the recipe; missing ones may be left out at the end
 /// @param observed  same indices; empty where the weights are not valid

@@ -12,6 +12,7 @@
 #include "model/monitored.hpp"
 #include "model/observation.hpp"
 #include "model/registration.hpp"
+#include "model/rules.hpp"
 #include "model/samples.hpp"
 
 namespace brdfgate {
@@ -81,6 +82,7 @@ struct Recipe {
   TaughtLayout layout;                  ///< empty: parts are not registered
   std::vector<TaughtCluster> clusters;  ///< 1..8
   DefectReference defects;
+  RuleSet rules;                      ///< over the settings' limits on the same readings
   std::vector<std::string> warnings;  ///< e.g. taught from one part
 };
 

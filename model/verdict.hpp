@@ -2,7 +2,6 @@
 #pragma once
 
 #include <array>
-#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -10,48 +9,13 @@
 #include "model/geometry.hpp"
 #include "model/reading_rows.hpp"
 #include "model/readings.hpp"
+#include "model/reason.hpp"
 #include "model/recipe.hpp"
 #include "model/regions.hpp"
+#include "model/rules.hpp"
 #include "model/validity.hpp"
 
 namespace brdfgate {
-
-enum class Verdict { none = 0, pass = 1, reject = 2, not_judged = 3 };
-
-/// Reason bits of plc.md: 0-6 go with reject, 7-15 with not judged.
-enum class Reason : int {
-  t2 = 0,
-  spe,
-  local_defect,
-  missing_cluster,
-  unknown_region,
-  colour,
-  gloss,
-  tilt,
-  ambient,
-  clipped,
-  coverage,
-  outside_basis,
-  hardware,
-  part_absent,
-  pose_or_face,
-  calibration_or_recipe,
-};
-using ReasonBits = std::uint16_t;
-constexpr ReasonBits bit(Reason r) {
-  return static_cast<ReasonBits>(1u << static_cast<int>(r));
-}
-inline constexpr ReasonBits kRejectBits = 0x007F;
-inline constexpr ReasonBits kNotJudgedBits = 0xFF80;
-
-/// What was found wrong, in words: one text per set bit, with value and limit.
-struct Finding {
-  Reason reason;
-  std::string text;
-};
-
-/// Not judged outweighs reject outweighs pass: what could not be measured is not judged.
-Verdict verdict_of(ReasonBits bits);
 
 /// T^2 and SPE of one cluster (method.md section 8).
 struct Deviation {
@@ -153,6 +117,7 @@ struct PartResult {
   std::vector<double> lamp_drift;
   std::vector<Defect> defects;
   std::vector<ClusterResult> clusters;
+  std::vector<RuleOutcome> rules;  ///< of the recipe's rules, per cluster that each is about
   Regions regions;
 };
 

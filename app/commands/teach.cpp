@@ -6,9 +6,11 @@
 #include "app/commands/commands.hpp"
 #include "app/progress.hpp"
 #include "app/recipe_file.hpp"
+#include "app/rules_json.hpp"
 #include "app/session.hpp"
 #include "app/station.hpp"
 #include "app/teacher.hpp"
+#include "config/rules_yaml.hpp"
 #include "model/teaching_checks.hpp"
 
 namespace brdfgate {
@@ -20,9 +22,17 @@ struct TeachOptions {
   bool live = false;
   int parts = 10;
   std::filesystem::path out;
+  std::filesystem::path rules;  ///< empty: none
   std::string name;
-  int id = 1;
+  int id = 0;  ///< 0: not given
 };
+
+/// A rule on a cluster that the first part does not have is told before all of them are taught.
+void check_rules(const TeachOptions& options, const Teacher& teacher) {
+  if (options.rules.empty() || teacher.parts() != 1) return;
+  const std::vector<TaughtCluster> clusters = teacher.clusters();
+  (void)read_rules_file(options.rules, &clusters);
+}
 
 void teach_from_recordings(const TeachOptions& options, const StationConfig& config,
                            const Inspector& inspector, Teacher& teacher) {
@@ -31,6 +41,7 @@ void teach_from_recordings(const TeachOptions& options, const StationConfig& con
   for (const auto& dir : folders) {
     const bool given = !options.session.calibration.empty();
     teacher.add(dir.string(), load_part(dir, config, inspector, given).capture);
+    check_rules(options, teacher);
     progress.advance();
   }
 }
@@ -41,6 +52,7 @@ void teach_live(const TeachOptions& options, const StationConfig& config, Teache
   for (int i = 0; i < options.parts; ++i) {
     station->next_part(1);
     teacher.add(fmt::format("live part {}", i + 1), capture_part(*station, config.camera));
+    check_rules(options, teacher);
     progress.advance();
   }
 }
@@ -69,6 +81,8 @@ void print_recipe(const Recipe& recipe, const std::filesystem::path& file) {
         c.spe_limit);
     print_reach(c, recipe);
   }
+  for (const Rule& rule : recipe.rules.rules)
+    fmt::print("  rule: {}\n", rule_text(rule, recipe));
   for (const std::string& warning : recipe.warnings)
     fmt::print(stderr, "warning: {}\n", warning);
 }
@@ -94,12 +108,28 @@ nlohmann::json recipe_to_json(const Recipe& recipe, const std::filesystem::path&
          {"t2_limit", c.t2_limit},
          {"spe_limit", c.spe_limit}});
   }
-  return {{"schema", "brdfgate.teach/1"}, {"file", file.string()}, {"id", recipe.id},
-          {"name", recipe.name},          {"parts", recipe.parts}, {"clusters", clusters},
+  return {{"schema", "brdfgate.teach/1"},
+          {"file", file.string()},
+          {"id", recipe.id},
+          {"name", recipe.name},
+          {"parts", recipe.parts},
+          {"clusters", clusters},
+          {"rules", rules_to_json(recipe)},
           {"warnings", recipe.warnings}};
 }
 
+void finish(const TeachOptions& options, const Recipe& recipe) {
+  write_recipe(options.out, recipe);
+  if (options.session.json) {
+    fmt::print("{}\n", recipe_to_json(recipe, options.out).dump(2));
+  } else {
+    print_recipe(recipe, options.out);
+  }
+}
+
 void teach(const TeachOptions& options) {
+  // What is wrong with the rules whatever is taught is told before it is.
+  if (!options.rules.empty()) (void)read_rules_file(options.rules, nullptr);
   const StationConfig config = load_config(options.session);
   const Inspector inspector = load_inspector(config);
   Teacher teacher(inspector);
@@ -109,13 +139,25 @@ void teach(const TeachOptions& options) {
     teach_from_recordings(options, config, inspector, teacher);
   }
   const std::string name = options.name.empty() ? options.out.stem().string() : options.name;
-  const Recipe recipe = teacher.recipe(name, options.id);
-  write_recipe(options.out, recipe);
-  if (options.session.json) {
-    fmt::print("{}\n", recipe_to_json(recipe, options.out).dump(2));
-  } else {
-    print_recipe(recipe, options.out);
+  Recipe recipe = teacher.recipe(name, std::max(1, options.id));
+  if (!options.rules.empty()) {
+    recipe.rules = read_rules_file(options.rules, &recipe.clusters);
+    (void)inspector.bring_into_force(recipe);
   }
+  finish(options, recipe);
+}
+
+/// Another recipe's clusters and limits with these rules instead of its own.
+void change_rules(const TeachOptions& options) {
+  if (options.rules.empty() || options.session.recipe.empty()) {
+    throw InputError("command line", "neither --from nor --live",
+                     "good parts; or --rules F --recipe REF, to give a recipe other rules");
+  }
+  Recipe recipe = read_recipe(options.session.recipe);
+  recipe.rules = read_rules_file(options.rules, &recipe.clusters);
+  if (!options.name.empty()) recipe.name = options.name;
+  if (options.id != 0) recipe.id = options.id;
+  finish(options, recipe);
 }
 
 }  // namespace
@@ -128,15 +170,19 @@ void add_teach(CLI::App& tool, int& exit_code) {
   auto* source = command->add_option_group("source", "where the good parts come from");
   source->add_option("--from", options->from, "recordings of good parts");
   source->add_flag("--live", options->live, "capture them now");
-  source->require_option(1);
+  source->require_option(0, 1);
   command->add_option("--parts", options->parts, "with --live: how many")
       ->check(CLI::Range(1, 1000));
   command->add_option("--out", options->out, "recipe file to write (.yaml)")->required();
+  command->add_option("--rules", options->rules,
+                      "limits on readings (.yaml), kept in the recipe; with --recipe and no parts: "
+                      "instead of that recipe's own");
   command->add_option("--name", options->name, "of the recipe; default: the file's name");
   command->add_option("--id", options->id, "the number the PLC selects it by")
       ->check(CLI::Range(1, 65535));
   command->callback([options, &exit_code] {
-    teach(*options);
+    const bool parts = options->live || !options->from.empty();
+    parts ? teach(*options) : change_rules(*options);
     exit_code = kExitYes;
   });
 }

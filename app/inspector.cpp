@@ -179,9 +179,16 @@ RecipeInForce Inspector::bring_into_force(Recipe recipe) const {
         fmt::format("{} as in inspection.part_height_mm (teach again)", settings_.part_height_mm));
   }
   check_colour_rules(recipe, colour_known() && recipe.channels == 3, where);
-  RecipeInForce force{std::move(recipe), {}, {}, {}};
+  RecipeInForce force{std::move(recipe), {}, {}, {}, {}};
+  if (std::ranges::any_of(force.recipe.rules.rules,
+                          [](const Rule& r) { return r.tolerance.has_value(); })) {
+    force.repeat_rows = std::make_shared<ReadingRows>(basis_, calibration_.colour, 0);
+  }
   const double to_c = 1 / std::sqrt(double(basis_->info().observations));
-  for (const TaughtCluster& cluster : force.recipe.clusters) {
+  for (TaughtCluster& cluster : force.recipe.clusters) {
+    Weights mean;
+    mean.c = cluster.mean * to_c;
+    cluster.readings = readings_->read(mean);
     TaughtAppearance look{Eigen::ArrayXXd(map_.bins.bins(), cluster.mean.cols())};
     for (Eigen::Index ch = 0; ch < cluster.mean.cols(); ++ch) {
       const Eigen::VectorXd c = cluster.mean.col(ch) * to_c;
@@ -315,6 +322,8 @@ void Inspector::measure_clusters(Inspection& part, const RecipeInForce* recipe) 
     cluster.valid.weights = cluster.valid.weights && cluster.bins >= settings.min_bins;
     if (cluster.valid.weights) {
       add_readings(cluster, readings_->read(cluster.raw, samples), on_frame, colour_known());
+      if (recipe != nullptr && recipe->repeat_rows)
+        cluster.repeat = repeatability(*recipe->repeat_rows, cluster.raw, on_frame);
     }
     cluster.pixels = cv::countNonZero(regions.label == i);
     cluster.present = cluster.pixels > 0;
@@ -329,6 +338,14 @@ void Inspector::measure_clusters(Inspection& part, const RecipeInForce* recipe) 
     }
     part.result.clusters.push_back(std::move(cluster));
   }
+}
+
+ClusterReadings Inspector::repeatability(const ReadingRows& rows, const Weights& weights,
+                                         const BinnedSamples& on_frame) const {
+  Weights noisy = weights;
+  noisy.covariance = noise_covariance(basis_->rows(on_frame.directions()), on_frame, settings_.eta);
+  noisy.channel_correlation.resize(0, 0);  // pixels' noise has none
+  return rows.read(noisy);
 }
 
 DefectEvidence Inspector::evidence_of(const Inspection& part, const RecipeInForce& recipe) const {

@@ -37,6 +37,9 @@ struct RecipeInForce {
   std::vector<TaughtAppearance> appearance;  ///< per cluster
   std::vector<BinFrame> frames;              ///< per cluster; empty: a part's own bins
   std::vector<BrdfPtr> defect_material;      ///< per cluster: what local residuals are told from
+  /// Readings' deviations from noise alone, without the basis' error; nullptr: no rule has a
+  /// tolerance.
+  std::shared_ptr<const ReadingRows> repeat_rows;
 };
 
 /// Holds what is fixed while calibration and basis are: directions, bins, expected appearances.
@@ -105,6 +108,9 @@ class Inspector {
   /// Fills the part's pose and returns it; light-1 cells of the largest cluster tell it.
   PartPose pose_of(Inspection& part) const;
   void measure_clusters(Inspection& part, const RecipeInForce* recipe) const;
+  /// What noise alone lets the readings scatter, by the ridge's gain.
+  ClusterReadings repeatability(const ReadingRows& rows, const Weights& weights,
+                                const BinnedSamples& on_frame) const;
 
   InspectionConfig settings_;
   JudgeSettings judge_;

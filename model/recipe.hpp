@@ -11,6 +11,7 @@
 #include "model/estimator.hpp"
 #include "model/monitored.hpp"
 #include "model/observation.hpp"
+#include "model/reading_rows.hpp"
 #include "model/registration.hpp"
 #include "model/rules.hpp"
 #include "model/samples.hpp"
@@ -54,6 +55,7 @@ struct TaughtCluster {
   double area_share = 0;
   std::array<double, 3> gloss_gu{};
   Lab lab = Lab::Zero();
+  ClusterReadings readings;  ///< of `mean`, derived when the recipe comes into force, not stored
 };
 
 /// What good parts show of local departures from their material: on tiles of kTileBlocks x

@@ -12,7 +12,6 @@ namespace brdfgate {
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kDegree = EIGEN_PI / 180;
 constexpr int kAspecular = static_cast<int>(RuleReading::aspecular_15_l_star);
 constexpr int kAspecularEnd = static_cast<int>(RuleReading::aspecular_110_b_star) + 1;
 
@@ -37,8 +36,13 @@ Eigen::Index lab_axis(RuleReading reading) {
   return (static_cast<int>(reading) - from) % 3;
 }
 
-double aspecular_deg(RuleReading reading) {
-  return kAspecularDeg.at(static_cast<std::size_t>(static_cast<int>(reading) - kAspecular) / 3);
+std::size_t aspecular_index(RuleReading reading) {
+  return static_cast<std::size_t>(static_cast<int>(reading) - kAspecular) / 3;
+}
+
+/// Of the difference to the mean of the taught parts, over that of one part.
+double growth(const TaughtCluster& taught) {
+  return 1 + 1.0 / std::max(1, taught.parts);
 }
 
 /// The part's colour against the taught one, where three levels are compared, and what noise alone
@@ -53,8 +57,7 @@ std::optional<ColourChange> colour_change(const TaughtCluster& taught,
   if (seen == nullptr) return std::nullopt;
   const std::optional<Lab> lab = compared_colour(taught, *seen);
   if (!lab || seen->monitored_noise.rows() < 3) return std::nullopt;
-  const double growth = 1 + 1.0 / std::max(1, taught.parts);
-  const Eigen::Matrix3d covariance = growth * seen->monitored_noise.topLeftCorner<3, 3>();
+  const Eigen::Matrix3d covariance = growth(taught) * seen->monitored_noise.topLeftCorner<3, 3>();
   const Eigen::LDLT<Eigen::Matrix3d> ldlt(covariance);
   const Eigen::Vector3d scale = ldlt.vectorD().cwiseMax(0).cwiseSqrt();
   const Eigen::Matrix3d lower = ldlt.matrixL();
@@ -77,27 +80,47 @@ double delta_e00_sigma(const ColourChange& change) {
   return std::sqrt(sum);
 }
 
-RuleValue colour_value(RuleReading reading, const ClusterResult& cluster,
-                       const TaughtCluster& taught, const ClusterObservation* seen) {
+/// Where a reading stands among a cluster's; nullptr: it is none of them.
+const Reading* find(const ClusterReadings& readings, RuleReading reading) {
+  if (is_gloss(reading)) return &readings.gloss[gloss_index(reading)];
+  if (reading == RuleReading::haze_gu) return &readings.haze;
+  if (reading == RuleReading::flop_index) return &readings.flop;
+  const auto axis = static_cast<std::size_t>(lab_axis(reading));
+  if (is_lab(reading)) return &readings.at_45_0().lab[axis];
+  return is_aspecular(reading) ? &readings.aspecular[aspecular_index(reading)].lab[axis] : nullptr;
+}
+
+RuleValue delta_e00_value(const ClusterResult& cluster, const TaughtCluster& taught,
+                          const ClusterObservation* seen) {
   RuleValue out;
-  if (!cluster.valid.colour) {
-    out.missing = "this station knows no colour";
-    out.missing_reason = Reason::calibration_or_recipe;
+  if (const auto change = colour_change(taught, seen)) {
+    out.value = delta_e00(taught.lab, change->lab);
+    out.sigma = delta_e00_sigma(*change);
     return out;
   }
-  const std::optional<ColourChange> change = colour_change(taught, seen);
-  if (reading == RuleReading::delta_e00) {
-    out.value = delta_e00(taught.lab, change ? change->lab : cluster.lab);
-    if (change) out.sigma = delta_e00_sigma(*change);
-    out.measured = change.has_value();
-    return out;
-  }
-  const Eigen::Index axis = lab_axis(reading);
-  out.value = cluster.lab[axis];
-  out.measured = false;
-  if (change) {
-    out.change = change->lab[axis] - taught.lab[axis];
-    out.change_sigma = change->noise.row(axis).norm();
+  const std::array<Reading, 3>& lab = cluster.readings.at_45_0().lab;
+  out.value = delta_e00(taught.lab, cluster.lab);
+  out.sigma = std::hypot(lab[0].sigma, lab[1].sigma, lab[2].sigma);
+  out.measured = lab[0].measured;
+  return out;
+}
+
+RuleValue reading_value(RuleReading reading, const ClusterResult& cluster,
+                        const TaughtCluster& taught, const ClusterObservation* seen) {
+  RuleValue out;
+  const Reading& found = *find(cluster.readings, reading);
+  out.value = found.value;
+  out.sigma = found.sigma;
+  out.measured = found.measured;
+  if (reading == RuleReading::haze_gu) out.missing = "haze is defined for over 70 GU at 60 degrees";
+  if (is_lab(reading)) {
+    const Eigen::Index axis = lab_axis(reading);
+    if (const auto change = colour_change(taught, seen)) {
+      out.change = change->lab[axis] - taught.lab[axis];
+      out.change_sigma = change->noise.row(axis).norm();
+    }
+  } else if (const double noise = find(cluster.repeat, reading)->sigma; std::isfinite(noise)) {
+    out.change_sigma = std::sqrt(growth(taught)) * noise;
   }
   return out;
 }
@@ -109,19 +132,17 @@ RuleValue reconstructed_value(RuleReading reading, const ClusterResult& cluster,
     out.missing = "no valid weights";
     return out;
   }
-  if (is_lab(reading) || reading == RuleReading::delta_e00)
-    return colour_value(reading, cluster, taught, seen);
-  if (is_gloss(reading)) {
-    out.value = cluster.gloss_gu[gloss_index(reading)];
-    out.measured = reading == RuleReading::gloss_60_gu && cluster.valid.measured;
-  } else if (reading == RuleReading::haze_gu) {
-    out.value = haze_gu(cluster.gloss_gu);
-    out.measured = false;
-    out.missing = "haze is defined for over 70 GU at 60 degrees";
-  } else if (reading == RuleReading::residual_rms) {
+  if (reading == RuleReading::residual_rms) {
     out.value = cluster.raw.residual_rms;
+    return out;
   }
-  return out;
+  if (rule_reading_info(reading).is_colour() && !cluster.valid.colour) {
+    out.missing = "this station knows no colour";
+    out.missing_reason = Reason::calibration_or_recipe;
+    return out;
+  }
+  return reading == RuleReading::delta_e00 ? delta_e00_value(cluster, taught, seen)
+                                           : reading_value(reading, cluster, taught, seen);
 }
 
 /// A bin of the taught cluster as samples have it.
@@ -130,14 +151,6 @@ BinnedSamples bins_of(const BinFrame& frame) {
   for (std::size_t i = 0; i < frame.directions.size(); ++i)
     samples.bins.push_back({frame.id[i], frame.light[i], frame.directions[i]});
   return samples;
-}
-
-bool sees_gloss(const BinnedSamples& samples, double angle_deg) {
-  constexpr double kPeak = 2 * kDegree, kReach = 8 * kDegree;
-  return std::any_of(samples.bins.begin(), samples.bins.end(), [&](const Bin& bin) {
-    return bin.light == 1 && bin.angles.theta_h < kPeak &&
-           std::abs(bin.angles.theta_d - angle_deg * kDegree) < kReach;
-  });
 }
 
 bool sees_aspecular(const BinnedSamples& samples, double angle_deg) {
@@ -188,7 +201,9 @@ double taught_value(RuleReading reading, const TaughtCluster& taught) {
   if (is_gloss(reading)) return taught.gloss_gu[gloss_index(reading)];
   if (reading == RuleReading::haze_gu) return haze_gu(taught.gloss_gu);
   if (is_lab(reading)) return taught.lab[lab_axis(reading)];
-  return reading == RuleReading::area_share ? taught.area_share : kNaN;
+  if (reading == RuleReading::area_share) return taught.area_share;
+  const Reading* derived = find(taught.readings, reading);
+  return derived != nullptr ? derived->value : kNaN;
 }
 
 bool can_be_measured(RuleReading reading, const TaughtCluster& taught) {
@@ -196,20 +211,23 @@ bool can_be_measured(RuleReading reading, const TaughtCluster& taught) {
   if (seen.bins.empty()) return true;
   switch (reading) {
     case RuleReading::gloss_20_gu:
-      return sees_gloss(seen, 20);
+      return is_gloss_measured(seen, 20);
     case RuleReading::gloss_60_gu:
-      return sees_gloss(seen, 60);
+      return is_gloss_measured(seen, 60);
     case RuleReading::gloss_85_gu:
-      return sees_gloss(seen, 85);
+      return is_gloss_measured(seen, 85);
     case RuleReading::haze_gu:
-      return sees_gloss(seen, 20) && sees_gloss(seen, 60);
+      return is_gloss_measured(seen, 20) && is_gloss_measured(seen, 60);
     case RuleReading::flop_index:
       return sees_aspecular(seen, 15) && sees_aspecular(seen, 45) && sees_aspecular(seen, 110);
     default:
       break;
   }
-  if (is_aspecular(reading)) return sees_aspecular(seen, aspecular_deg(reading));
-  return !is_lab(reading) || sees_aspecular(seen, 45);
+  if (is_aspecular(reading))
+    return sees_aspecular(seen, kAspecularDeg.at(aspecular_index(reading)));
+  if (reading == RuleReading::delta_e00 && compares_colour(taught)) return true;
+  const bool of_45_0 = is_lab(reading) || reading == RuleReading::delta_e00;
+  return !of_45_0 || sees_aspecular(seen, 45);
 }
 
 std::string never_defined(RuleReading reading, const TaughtCluster& taught) {

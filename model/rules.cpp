@@ -107,30 +107,47 @@ Excess excess(const RuleOutcome& out) {
   return over >= under ? Excess{over, true} : Excess{under, false};
 }
 
+/// Gloss errs by factors (Reading::interval_by_factor).
+bool errs_by_factors(RuleReading reading) {
+  return reading <= RuleReading::gloss_85_gu;
+}
+
+/// Where the true value may lie: the guard band around the value seen.
+struct Band {
+  double low, high;
+};
+
+Band guard_band(const RuleOutcome& out) {
+  const double width = std::isfinite(out.sigma) ? out.guard * out.sigma : 0;
+  if (!errs_by_factors(out.rule.reading) || out.value <= 0)
+    return {out.value - width, out.value + width};
+  const double factor = std::exp(width / out.value);
+  return {out.value / factor, out.value * factor};
+}
+
 void compare(RuleOutcome& out, const std::string& place) {
   const Reason reason = rule_reading_info(out.rule.reading).reason;
-  const double band = std::isfinite(out.sigma) ? out.guard * out.sigma : 0;
-  const Excess e = excess(out);
-  if (e.by <= -band) {
+  const Band band = guard_band(out);
+  if (band.low >= out.low && band.high <= out.high) {
     out.verdict = Verdict::pass;
     return;
   }
+  const Excess e = excess(out);
   const std::string unit = unit_of(out.rule.reading);
-  if (e.by > band) {
+  const std::string limit = limit_text(out, e.upper) + " by " + number(std::abs(e.by)) + unit;
+  if (band.low > out.high || band.high < out.low) {
     // A tilted part is no bad part: it can only not be judged.
     out.verdict = (bit(reason) & kRejectBits) != 0 ? Verdict::reject : Verdict::not_judged;
     out.reason = reason;
-    out.text = place + said(out) + (e.upper ? ", over its limit " : ", under its limit ") +
-               limit_text(out, e.upper) + " by " + number(e.by) + unit;
+    out.text = place + said(out) + (e.upper ? ", over its limit " : ", under its limit ") + limit;
     return;
   }
-  const bool hopeless = out.high - out.low < 2 * band;
+  const bool hopeless = out.high - out.low < band.high - band.low;
   not_judged(out, Reason::coverage,
-             place + said(out) + (e.by > 0 ? ", beyond" : ", within") + " its limit " +
-                 limit_text(out, e.upper) + " by " + number(std::abs(e.by)) + unit +
-                 ", less than the guard band of " + number(out.guard) + " sigmas, " + number(band) +
-                 unit +
-                 (hopeless ? ": its limits are nearer than two guard bands, no value passes" : ""));
+             place + said(out) + (e.by > 0 ? ", beyond its limit " : ", within its limit ") +
+                 limit + ": too near to tell, its guard band of " + number(out.guard) +
+                 " sigmas spans " + number(band.low) + " to " + number(band.high) + unit +
+                 (hopeless ? ", which is wider than its limits are apart" : ""));
 }
 
 }  // namespace

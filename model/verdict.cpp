@@ -106,12 +106,14 @@ MonitoredShift largest_shift(const TaughtCluster& taught, const ClusterObservati
                            [](const auto& a, const auto& b) { return a.part < b.part; });
 }
 
-std::optional<Lab> compared_colour(const TaughtCluster& taught, const ClusterObservation& seen) {
+bool compares_colour(const TaughtCluster& taught) {
   const std::vector<std::string>& names = taught.directions.names;
-  if (names.size() < 3 || names[0] != level_name(0, 3) || names[1] != level_name(1, 3) ||
-      names[2] != level_name(2, 3)) {
-    return std::nullopt;
-  }
+  return names.size() >= 3 && names[0] == level_name(0, 3) && names[1] == level_name(1, 3) &&
+         names[2] == level_name(2, 3);
+}
+
+std::optional<Lab> compared_colour(const TaughtCluster& taught, const ClusterObservation& seen) {
+  if (!compares_colour(taught)) return std::nullopt;
   const Eigen::Array3d rgb = xyz_to_linear_srgb(lab_to_xyz(taught.lab));
   const Eigen::Array3d change = (seen.monitored - taught.monitored_mean).head<3>().array().exp();
   return linear_srgb_to_lab(rgb * change);

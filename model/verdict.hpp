@@ -52,6 +52,8 @@ MonitoredShift largest_shift(const TaughtCluster& taught, const ClusterObservati
 /// at 45:0 (which this rig does not see) do not cancel. Nothing where the levels of three channels
 /// are not monitored.
 std::optional<Lab> compared_colour(const TaughtCluster& taught, const ClusterObservation& seen);
+/// Whether the levels of three channels are monitored, so that it has one.
+bool compares_colour(const TaughtCluster& taught);
 
 /// The bin and channel with the largest share of SPE.
 struct ResidualShift {
@@ -93,6 +95,8 @@ struct ClusterResult {
   double delta_e00 = 0;  ///< to the taught colour; 0 without a recipe
   /// The same and more readings with their deviations; gloss_gu and lab are their values.
   ClusterReadings readings;
+  /// What pixel noise alone lets them scatter: their sigmas; NaN where no rule asks for it.
+  ClusterReadings repeat;
 };
 
 struct PartResult {

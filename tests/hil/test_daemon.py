@@ -56,6 +56,28 @@ class DaemonTest(unittest.TestCase):
             self.assertEqual([p["verdict"] for p in document["parts"]], ["pass", "reject", "reject", "reject", "not_judged"], document)
             self.assertEqual(code, 1)
 
+    def test_switching_recipes_costs_no_restart(self):
+        rules = BENCH.folder / "no_gloss.rules.yaml"
+        rules.write_text("schema: brdfgate.rules/1\nrules:\n  - {reading: gloss_60_gu, cluster: region 1, high: 1}\n")
+        strict = BENCH.folder / "strict.recipe.yaml"
+        BENCH.json("teach", "--rules", rules, "--recipe", BENCH.recipe, "--out", strict, "--id", 2, "--name", "strict")
+        config = BENCH.station
+        BENCH.station = BENCH.folder / "two_recipes.yaml"
+        BENCH.station.write_text(config.read_text().replace("recipes: []", f"recipes: [{BENCH.recipe}, {strict}]"))
+        try:
+            with daemon("two_recipes") as (process, port):
+                for recipe, verdict, gloss in ((1, "pass", 0), (2, "reject", 1), (1, "pass", 0)):
+                    # Trigger 1 shows the good part, whatever recipe is in force.
+                    _, document = watch(port, "--recipe", recipe, "--trigger", 1)
+                    part = document["parts"][0]
+                    self.assertEqual(part["verdict"], verdict, document)
+                    self.assertEqual(part["reason_bits"] >> 6 & 1, gloss, document)
+                self.assertIsNone(process.poll())
+        finally:
+            BENCH.station = config
+        counters = json.loads((BENCH.folder / "state_two_recipes/counters.json").read_text())
+        self.assertEqual(counters["inspected"], 3)
+
     def test_without_a_recipe_everything_is_not_judged_with_weights(self):
         with daemon("bare") as (_, port):
             code, document = watch(port, "--trigger", 1)

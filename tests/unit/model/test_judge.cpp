@@ -26,8 +26,15 @@ struct Case {
   std::vector<ClusterResult> clusters;
   std::vector<std::optional<ClusterObservation>> observed;
   PartFacts facts;
+  double gloss_sigma = 0;  ///< of the readings
 
   Judgement judged() {
+    for (ClusterResult& cluster : clusters) {
+      for (std::size_t i = 0; i < 3; ++i) {
+        cluster.readings.gloss[i] = {cluster.gloss_gu[i], gloss_sigma, i == 1};
+        cluster.readings.aspecular[2].lab[i] = {cluster.lab[Eigen::Index(i)], 0, true};
+      }
+    }
     return judge(in_force ? &recipe : nullptr, station, clusters, observed, facts);
   }
 };
@@ -356,10 +363,10 @@ TEST_CASE("The recipe's rules reject or do not judge under the reading's bit, in
       {"colour, of every cluster", with(rule_of(R::delta_e00, 0.2)), bit(Reason::colour),
        "cluster 'print': delta_e00 is"},
       {"a lightness", with(rule_of(R::l_star, 49)), bit(Reason::colour),
-       "l_star is 50 L*, over its limit 49 L* by 1 L*"},
+       "l_star is 50 L* (sigma 0), over its limit 49 L* by 1 L*"},
       {"gloss around the taught one", with(tolerance_of(R::gloss_60_gu, 1.5, 1)),
        bit(Reason::gloss),
-       "cluster 'print': gloss_60_gu is 62 GU, over its limit 61.5 GU (taught 60 + 1.5) by 0.5 GU"},
+       "gloss_60_gu is 62 GU (sigma 0), over its limit 61.5 GU (taught 60 + 1.5) by 0.5 GU"},
       {"gloss at 20", with(rule_of(R::gloss_20_gu, 20, 0)), bit(Reason::gloss),
        "cluster 'body': gloss_20_gu is 30 GU"},
       {"an area", with(rule_of(R::area_share, 0.75, 0)), bit(Reason::missing_cluster),
@@ -467,6 +474,38 @@ TEST_CASE("No rule makes a pass of what is not known", "[judge][rules]") {
       CHECK(c.judged().verdict == Verdict::not_judged);
     }
   }
+}
+
+TEST_CASE("A rule within the uncertainty of its reading is not judged", "[judge][rules]") {
+  Case c = good_case();
+  c.gloss_sigma = 2;  // of 62 GU
+  c.recipe.rules.rules = {rule_of(RuleReading::gloss_60_gu, 65)};
+  const Judgement j = c.judged();
+  CHECK(j.reason_bits == bit(Reason::coverage));
+  CHECK(contains(j.findings.at(0).text, "its guard band of 1.65 sigmas spans 58.79 to 65.39 GU"));
+  c.recipe.rules.guard = 1;
+  CHECK(c.judged().verdict == Verdict::pass);
+  // A tolerance counts what noise alone does, against the mean of ten parts.
+  c.recipe.rules.rules = {tolerance_of(RuleReading::gloss_60_gu, 3)};
+  CHECK(c.judged().verdict == Verdict::not_judged);
+  c.clusters[0].repeat.gloss[1].sigma = c.clusters[1].repeat.gloss[1].sigma = 0.5;
+  const Judgement again = c.judged();
+  CHECK(again.verdict == Verdict::pass);
+  CHECK(again.rules.at(0).sigma == Approx(0.5 * std::sqrt(1.1)));
+}
+
+TEST_CASE("A reading that rules demand measured is not judged where it is extrapolated",
+          "[judge][rules]") {
+  Case c = good_case();
+  Rule rule = rule_of(RuleReading::gloss_20_gu, 100);
+  c.recipe.rules.rules = {rule};
+  CHECK(c.judged().verdict == Verdict::pass);
+  rule.measured = true;
+  c.recipe.rules.rules = {rule};
+  CHECK(c.judged().reason_bits == bit(Reason::coverage));
+  rule.reading = RuleReading::gloss_60_gu;
+  c.recipe.rules.rules = {rule};
+  CHECK(c.judged().verdict == Verdict::pass);
 }
 
 TEST_CASE("A missing cluster is rejected as missing, and its rules are not judged",

@@ -17,7 +17,7 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 
 Rule between(double low, double high) {
   Rule rule;
-  rule.reading = RuleReading::gloss_60_gu;
+  rule.reading = RuleReading::l_star;
   rule.low = low;
   rule.high = high;
   return rule;
@@ -45,20 +45,20 @@ TEST_CASE("A rule passes, rejects or does not judge by the guard band", "[rules]
       {"inside", 10, 20, 15, 1.0, 2, Verdict::pass, ""},
       {"on the guard band's edge", 10, 20, 18, 1.0, 2, Verdict::pass, ""},
       {"in the guard band, inside", 10, 20, 18.5, 1.0, 2, Verdict::not_judged,
-       "gloss_60_gu is 18.5 GU (sigma 1), within its limit 20 GU by 1.5 GU, less than the guard "
-       "band of 2 sigmas, 2 GU"},
+       "l_star is 18.5 L* (sigma 1), within its limit 20 L* by 1.5 L*: too near to tell, its guard "
+       "band of 2 sigmas spans 16.5 to 20.5 L*"},
       {"in the guard band, outside", 10, 20, 21.5, 1.0, 2, Verdict::not_judged,
-       "beyond its limit 20 GU by 1.5 GU"},
+       "beyond its limit 20 L* by 1.5 GU"},
       {"beyond it", 10, 20, 22.5, 1.0, 2, Verdict::reject,
-       "gloss_60_gu is 22.5 GU (sigma 1), over its limit 20 GU by 2.5 GU"},
-      {"below", 10, 20, 7.5, 1.0, 2, Verdict::reject, "under its limit 10 GU by 2.5 GU"},
-      {"below, in the band", 10, 20, 8.5, 1.0, 2, Verdict::not_judged, "its limit 10 GU"},
+       "l_star is 22.5 L* (sigma 1), over its limit 20 L* by 2.5 L*"},
+      {"below", 10, 20, 7.5, 1.0, 2, Verdict::reject, "under its limit 10 L* by 2.5 GU"},
+      {"below, in the band", 10, 20, 8.5, 1.0, 2, Verdict::not_judged, "its limit 10 L*"},
       {"no guard", 10, 20, 20, 1.0, 0, Verdict::pass, ""},
       {"no guard, just beyond", 10, 20, 20.001, 1.0, 0, Verdict::reject, "over its limit"},
       {"no sigma is known: as it is", 10, 20, 20, {}, 2, Verdict::pass, ""},
       {"no sigma is known, beyond", 10, 20, 20.5, {}, 2, Verdict::reject, "over its limit"},
       {"limits too near for the uncertainty", 10, 12, 11, 1.0, 2, Verdict::not_judged,
-       "its limits are nearer than two guard bands, no value passes"},
+       "wider than its limits are apart"},
       {"one-sided", -kInf, 20, -3, 1.0, 2, Verdict::pass, ""},
       {"one-sided below", 10, kInf, 1e6, 1.0, 2, Verdict::pass, ""},
       {"not a number", -kInf, 20, kNaN, 1.0, 2, Verdict::not_judged, "is not known"},
@@ -79,6 +79,22 @@ TEST_CASE("A rule passes, rejects or does not judge by the guard band", "[rules]
     if (!out.text.empty()) CHECK(out.text.rfind("here: ", 0) == 0);
     if (out.verdict != Verdict::pass) CHECK(verdict_of(bit(out.reason)) == out.verdict);
   }
+}
+
+TEST_CASE("Gloss errs by factors, and so does its guard band", "[rules]") {
+  Rule rule = between(0, 120);
+  rule.reading = RuleReading::gloss_85_gu;
+  // 50 GU, +-77 %: with 1.65 sigmas 14 to 178 GU, where additively it would be 113.5 at most.
+  const RuleOutcome out = judge_rule(rule, 1.65, value_of(50, 38.5), "");
+  CHECK(out.verdict == Verdict::not_judged);
+  CHECK(contains(out.text, "spans 14.03 to 178.1 GU"));
+  rule.high = 179;
+  CHECK(judge_rule(rule, 1.65, value_of(50, 38.5), "").verdict == Verdict::pass);
+  rule.high = 14;
+  CHECK(judge_rule(rule, 1.65, value_of(50, 38.5), "").verdict == Verdict::reject);
+  rule.high = 15;
+  CHECK(judge_rule(rule, 1.65, value_of(50, 38.5), "").verdict == Verdict::not_judged);
+  CHECK(judge_rule(rule, 1.65, value_of(0, 1.0), "").verdict == Verdict::pass);
 }
 
 TEST_CASE("The set's guard holds where a rule has none of its own", "[rules]") {
@@ -166,6 +182,8 @@ TEST_CASE("What can be measured is told from the bins of the taught parts", "[ru
   CHECK_FALSE(can_be_measured(RuleReading::haze_gu, taught));
   CHECK_FALSE(can_be_measured(RuleReading::l_star, taught));
   CHECK_FALSE(can_be_measured(RuleReading::flop_index, taught));
+  CHECK_FALSE(can_be_measured(RuleReading::delta_e00, taught));
+  taught.directions.names = {level_name(0, 3), level_name(1, 3), level_name(2, 3)};
   CHECK(can_be_measured(RuleReading::delta_e00, taught));
   CHECK(can_be_measured(RuleReading::area_share, taught));
   const HalfDiff at = to_half_diff(aspecular_directions(45));

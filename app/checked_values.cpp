@@ -40,6 +40,7 @@ class Table {
                                           : CheckedValue::State::within;
     rows_.push_back(std::move(v));
   }
+  void add(CheckedValue value) { rows_.push_back(std::move(value)); }
   void soften_last() {
     if (rows_.back().state == CheckedValue::State::beyond)
       rows_.back().state = CheckedValue::State::within;
@@ -84,8 +85,10 @@ void add_part(Table& table, const Inspection& part, const JudgeSettings& setting
   const PartResult& r = part.result;
   table.add(kWholePart, "clipped cells", {100 * facts.clipped, 100 * settings.max_clipped},
             "{:.2f} %");
-  table.add(kWholePart, "tilt", {larger(r.tilt_deg), settings.max_tilt_deg}, "{:.2f} deg",
-            fmt::format("x {:+.2f}, y {:+.2f}", r.tilt_deg[0], r.tilt_deg[1]));
+  const RuleSet none, &rules = recipe != nullptr ? recipe->recipe.rules : none;
+  if (!rules.has(RuleReading::tilt_deg, kEveryCluster))
+    table.add(kWholePart, "tilt", {larger(r.tilt_deg), settings.max_tilt_deg}, "{:.2f} deg",
+              fmt::format("x {:+.2f}, y {:+.2f}", r.tilt_deg[0], r.tilt_deg[1]));
   if (recipe == nullptr) return;
   if (!recipe->recipe.layout.empty()) {
     table.add(kWholePart, "shift",
@@ -94,9 +97,10 @@ void add_part(Table& table, const Inspection& part, const JudgeSettings& setting
     table.add(kWholePart, "rotation", {std::abs(r.rotation_deg), settings.max_rotation_deg},
               "{:.2f} deg");
   }
-  table.add(kWholePart, "of no taught material",
-            {100 * facts.unknown_share, 100 * settings.unknown_share_limit}, "{:.2f} %",
-            "share of the part");
+  if (!rules.has(RuleReading::unknown_share, kEveryCluster))
+    table.add(kWholePart, "of no taught material",
+              {100 * facts.unknown_share, 100 * settings.unknown_share_limit}, "{:.2f} %",
+              "share of the part");
 }
 
 void add_statistics(Table& table, const ClusterResult& c) {
@@ -107,16 +111,47 @@ void add_statistics(Table& table, const ClusterResult& c) {
     table.add(c.index, "SPE", {d.spe, d.spe_limit}, "{:.3f}", "what they do not explain");
 }
 
+/// A rule's limits as text, and how near the value is to the nearer one: 1 at it.
+CheckedValue rule_row(const RuleOutcome& o) {
+  const RuleReadingInfo& info = rule_reading_info(o.rule.reading);
+  const std::string unit = info.unit == "1" ? "" : " " + info.unit;
+  CheckedValue row;
+  row.cluster = o.cluster;
+  row.name = "rule: " + info.name + (o.rule.kind.empty() ? "" : " (" + o.rule.kind + ")");
+  row.value = with_unit(o.value, "{:.4g}") + (std::isfinite(o.value) ? unit : "");
+  const bool low = std::isfinite(o.low), high = std::isfinite(o.high);
+  row.limit = (low ? with_unit(o.low, "{:.4g}") + (high ? " to " : " or more") : "") +
+              (high ? with_unit(o.high, "{:.4g}") : "") + unit;
+  const double middle = low && high ? (o.low + o.high) / 2 : 0;
+  row.ratio = high ? std::abs(o.value - middle) / (o.high - middle) : o.low / o.value;
+  if (!std::isfinite(row.ratio)) row.ratio = o.verdict == Verdict::pass ? 1 : 2;  // a limit of 0
+  if (std::isfinite(o.sigma)) row.note = fmt::format("sigma {:.2g}, guard {}", o.sigma, o.guard);
+  if (!o.measured) row.note += std::string(row.note.empty() ? "" : ", ") + "extrapolated";
+  row.state = o.verdict == Verdict::pass     ? CheckedValue::State::within
+              : o.verdict == Verdict::reject ? CheckedValue::State::beyond
+                                             : CheckedValue::State::unknown;
+  return row;
+}
+
+/// Of a cluster, or of the part (kWholePart, which is kEveryCluster).
+void add_rules(Table& table, const PartResult& part, int cluster) {
+  for (const RuleOutcome& outcome : part.rules) {
+    if (outcome.cluster == cluster) table.add(rule_row(outcome));
+  }
+}
+
 void add_cluster(Table& table, const ClusterResult& c, const TaughtCluster& taught,
-                 const JudgeSettings& settings) {
+                 const Recipe& recipe) {
+  const JudgeSettings& settings = recipe.settings;
   add_statistics(table, c);
-  if (c.valid.colour)
+  if (c.valid.colour && !recipe.rules.has(RuleReading::delta_e00, c.index))
     table.add(c.index, "colour", {c.delta_e00, settings.colour_limit_de00}, "{:.2f} dE00",
               "to the taught colour");
-  if (c.valid.gloss)
+  if (c.valid.gloss && !recipe.rules.has(RuleReading::gloss_60_gu, c.index))
     table.add(c.index, "change of gloss 60",
               {std::abs(c.gloss_gu[1] - taught.gloss_gu[1]), settings.gloss_limit_gu}, "{:.2f} GU",
               fmt::format("found {:.1f} GU, taught {:.1f}", c.gloss_gu[1], taught.gloss_gu[1]));
+  if (recipe.rules.has(RuleReading::area_share, c.index)) return;
   table.add(
       c.index, "loss of area",
       {100 * std::max(0.0, taught.area_share - c.area_share), 100 * settings.area_share_limit},
@@ -162,9 +197,11 @@ std::vector<CheckedValue> checked_values(const Inspection& part, const RecipeInF
   if (!anything_found(part)) return table.take();
   if (recipe != nullptr) add_defects(table, part, *recipe, inspector);
   add_part(table, part, settings, recipe);
+  add_rules(table, part.result, kWholePart);
   for (std::size_t i = 0; i < part.result.clusters.size(); ++i) {
     if (recipe == nullptr || i >= recipe->recipe.clusters.size()) continue;
-    add_cluster(table, part.result.clusters[i], recipe->recipe.clusters[i], settings);
+    add_cluster(table, part.result.clusters[i], recipe->recipe.clusters[i], recipe->recipe);
+    add_rules(table, part.result, static_cast<int>(i));
     if (i < part.facts.in_place.size())
       table.add(static_cast<int>(i), "not in its place",
                 {100 * (1 - part.facts.in_place[i]), 100 * (1 - kLeastInPlace)}, "{:.1f} %",

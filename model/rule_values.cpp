@@ -11,6 +11,9 @@
 namespace brdfgate {
 namespace {
 
+/// Repeats of one part scatter up to 4.3 times as far as the ridge's gain says (docs/rules.md has
+/// the figures): the estimator is another, and the part's pose is estimated each time.
+constexpr double kRepeatMargin = 5;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr int kAspecular = static_cast<int>(RuleReading::aspecular_15_l_star);
 constexpr int kAspecularEnd = static_cast<int>(RuleReading::aspecular_110_b_star) + 1;
@@ -120,7 +123,7 @@ RuleValue reading_value(RuleReading reading, const ClusterResult& cluster,
       out.change_sigma = change->noise.row(axis).norm();
     }
   } else if (const double noise = find(cluster.repeat, reading)->sigma; std::isfinite(noise)) {
-    out.change_sigma = std::sqrt(growth(taught)) * noise;
+    out.change_sigma = kRepeatMargin * std::sqrt(growth(taught)) * noise;
   }
   return out;
 }

@@ -6,6 +6,7 @@ import struct
 import subprocess
 import sys
 import unittest
+import zlib
 
 from bench import Bench, ROOT
 
@@ -179,6 +180,25 @@ class BadInput(Refusals):
         recipe.write_text("\n".join(lines) + "\n")
         self.inspect(copy("l"), "--recipe", recipe, says=["calibration_hash", "2" * 16])
 
+    def test_a_recipe_of_another_basis(self):
+        recipe = WORK / "other_basis.recipe.yaml"
+        lines = [f"basis_checksum: \"{'3' * 64}\"" if line.startswith("basis_checksum:") else line
+                 for line in BENCH.recipe.read_text().splitlines()]
+        recipe.write_text("\n".join(lines) + "\n")
+        self.inspect(copy("m"), "--recipe", recipe, says=["basis_checksum", "3" * 16, "another basis", "teach again"])
+
+    def test_a_recipe_of_another_station(self):
+        station, calibration = BENCH.folder / "other_station.yaml", WORK / "other.calibration.exr"
+        station.write_text(BENCH.station.read_text().replace("width: 728", "width: 720"))
+        taken = []
+        for scene in ("dark", "white", "good"):
+            taken.append(BENCH.folder / f"recordings/other_{scene}")
+            shutil.rmtree(taken[-1], ignore_errors=True)
+            BENCH.json("simulate", "--config", station, "--scene", BENCH.folder / f"scenes/{scene}.yaml", "--out", taken[-1])
+        BENCH.json("calibrate", "--config", station, "--from", *taken[:2], "--out", calibration)
+        self.refused("inspect", "--config", station, "--calibration", calibration, "--from", taken[2], "--recipe", BENCH.recipe,
+                     says=["recipe 'good part'", "calibration_hash", "another calibration", "teach again"])
+
     def test_a_truncated_calibration(self):
         calibration = WORK / "short.exr"
         shutil.copy(BENCH.calibration, calibration)
@@ -215,6 +235,35 @@ class BadInput(Refusals):
         recording = BENCH.simulate(other, "other")
         self.refused("teach", "--config", BENCH.station, "--from", BENCH.folder / "recordings/good/part_0001", recording,
                      "--out", WORK / "two_kinds.yaml", says=["cannot teach", "wrong part"])
+
+    def test_teaching_from_nothing(self):
+        (WORK / "nothing").mkdir(exist_ok=True)
+        self.refused("teach", "--config", BENCH.station, "--from", WORK / "nothing", "--out", WORK / "none.yaml", says=["nothing"])
+        self.refused("teach", "--config", BENCH.station, "--out", WORK / "none.yaml", says=["neither --from nor --live", "good parts"])
+        self.assertFalse((WORK / "none.yaml").exists())
+
+    def patched(self, cells):
+        """A part with a square patch in its corner, away from light 1's mirror direction; sides in 64ths of the part's."""
+        size = 64
+        rows = [bytes([0]) + bytes(int(x < cells and y < cells) for x in range(size)) for y in range(size)]
+        chunk = lambda kind, data: struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        (BENCH.folder / f"scenes/patch_{cells}.png").write_bytes(
+            b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", size, size, 8, 0, 0, 0, 0))
+            + chunk(b"IDAT", zlib.compress(b"".join(rows))) + chunk(b"IEND", b""))
+        scene = BENCH.scene(f"patch_{cells}", f"target: part\nregions: patch_{cells}.png\nmaterials:\n"
+                            "  - {name: body, lambert: [0.5, 0.1, 0.1]}\n  - {name: patch, lambert: [0.1, 0.2, 0.6]}\n")
+        return BENCH.simulate(scene, f"patch_{cells}")
+
+    def test_a_cluster_too_small_to_see_a_highlight_is_named(self):
+        taught = BENCH.json("teach", "--config", BENCH.station, "--from", self.patched(24), "--out", WORK / "patch.yaml")
+        self.assertEqual(len(taught["clusters"]), 2, taught)
+        warning = [w for w in taught["warnings"] if "highlight" in w]
+        self.assertEqual(len(warning), 1, taught["warnings"])
+        self.assertIn("cluster 'region 1' is too small or too one-sided to see a highlight", warning[0])
+
+    def test_a_cluster_too_small_to_be_judged_is_refused(self):
+        self.refused("teach", "--config", BENCH.station, "--from", self.patched(14), "--out", WORK / "none.yaml",
+                     says=["cluster 1 covers only", "angular bins; expected 20 or more"])
 
     def test_teaching_from_an_absent_part(self):
         recording = BENCH.simulate(BENCH.folder / "scenes/absent.yaml", "absent_teach")

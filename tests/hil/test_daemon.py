@@ -63,7 +63,7 @@ class DaemonTest(unittest.TestCase):
         BENCH.json("teach", "--rules", rules, "--recipe", BENCH.recipe, "--out", strict, "--id", 2, "--name", "strict")
         config = BENCH.station
         BENCH.station = BENCH.folder / "two_recipes.yaml"
-        BENCH.station.write_text(config.read_text().replace("recipes: []", f"recipes: [{BENCH.recipe}, {strict}]"))
+        BENCH.station.write_text(config.read_text().replace("recipes: []", f"recipes: [{BENCH.recipe.name}, {strict.name}]"))
         try:
             with daemon("two_recipes") as (process, port):
                 for recipe, verdict, gloss in ((1, "pass", 0), (2, "reject", 1), (1, "pass", 0)):
@@ -75,8 +75,8 @@ class DaemonTest(unittest.TestCase):
                 self.assertIsNone(process.poll())
         finally:
             BENCH.station = config
-        counters = json.loads((BENCH.folder / "state_two_recipes/counters.json").read_text())
-        self.assertEqual(counters["inspected"], 3)
+        counters = json.loads((BENCH.folder / "state_two_recipes/counters.json").read_text())["counters"]
+        self.assertEqual((counters["inspected"], counters["restarts"]), (3, 1))  # one start
 
     def test_without_a_recipe_everything_is_not_judged_with_weights(self):
         with daemon("bare") as (_, port):

@@ -93,7 +93,7 @@ class Rules(unittest.TestCase):
             ("gloss", "reading: gloss_60_gu, cluster: region 1, high: 3", GLOSS, "cluster 'region 1': gloss_60_gu is"),
             ("area", "reading: area_share, cluster: 1, low: 0.5", 1 << 3, "under its limit 0.5"),
             ("residual", "reading: residual_rms, high: 0", 1 << 1, "residual_rms is"),
-            ("flop", "reading: flop_index, low: 900", COLOUR, "flop_index is"),
+            ("flop", "reading: flop_index, cluster: body, low: 900", COLOUR, "flop_index is"),
         ):
             with self.subTest(name):
                 part = self.judged("good", ruled(name, rule), "reject", bit)
@@ -129,8 +129,7 @@ class Rules(unittest.TestCase):
         self.assertFalse(part["reason_bits"] & COLOUR, part["reasons"])
         without = self.judged("stain", BENCH.recipe, "reject")
         self.assertTrue(without["reason_bits"] & LOCAL_DEFECT)
-        part = self.judged("stain", ruled("stains", "reading: defects, high: 50"), "reject")
-        self.assertFalse(part["reason_bits"] & LOCAL_DEFECT, part["reasons"])
+        part = self.judged("stain", ruled("stains", "reading: defects, high: 50"), "pass", 0)
         sizes = [d["size_mm"] for d in part["defects"]]
         self.assertEqual(part["rules"][0]["value"], len(sizes))
         part = self.judged("stain", ruled("stain_size", f"reading: defect_size_mm, high: {max(sizes) - 0.5:.3f}"), "reject")
@@ -153,7 +152,7 @@ class Rules(unittest.TestCase):
             ("disjoint", ["disjoint.rules.yaml:5:5 (rules[1])", "contradicts the rule at", "disjoint.rules.yaml:4:5"],
              "reading: l_star, high: 40", "reading: l_star, cluster: body, low: 50"),
             ("against_taught", ["(rules[1])", "contradicts"], "reading: gloss_60_gu, tolerance: 1", "reading: gloss_60_gu, low: 500"),
-            ("reading", ["(rules[0].reading)", "did you mean 'gloss_60_gu'"], "reading: gloss_60, high: 5"),
+            ("reading", ["(rules[0].reading)", "did you mean 'gloss_60_gu'"], "reading: glos_60_gu, high: 5"),
             ("cluster", ["(rules[0].cluster)", "no cluster 'lid'", "'body' (0)"], "reading: l_star, cluster: lid, high: 5"),
             ("unit", ["(rules[0].unit)", "GU"], "reading: gloss_60_gu, high: 5, unit: percent"),
             ("range", ["(rules[0].high)", "20 % is 0.2"], "reading: area_share, high: 20"),

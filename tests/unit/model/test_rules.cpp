@@ -48,10 +48,10 @@ TEST_CASE("A rule passes, rejects or does not judge by the guard band", "[rules]
        "l_star is 18.5 L* (sigma 1), within its limit 20 L* by 1.5 L*: too near to tell, its guard "
        "band of 2 sigmas spans 16.5 to 20.5 L*"},
       {"in the guard band, outside", 10, 20, 21.5, 1.0, 2, Verdict::not_judged,
-       "beyond its limit 20 L* by 1.5 GU"},
+       "beyond its limit 20 L* by 1.5 L*"},
       {"beyond it", 10, 20, 22.5, 1.0, 2, Verdict::reject,
        "l_star is 22.5 L* (sigma 1), over its limit 20 L* by 2.5 L*"},
-      {"below", 10, 20, 7.5, 1.0, 2, Verdict::reject, "under its limit 10 L* by 2.5 GU"},
+      {"below", 10, 20, 7.5, 1.0, 2, Verdict::reject, "under its limit 10 L* by 2.5 L*"},
       {"below, in the band", 10, 20, 8.5, 1.0, 2, Verdict::not_judged, "its limit 10 L*"},
       {"no guard", 10, 20, 20, 1.0, 0, Verdict::pass, ""},
       {"no guard, just beyond", 10, 20, 20.001, 1.0, 0, Verdict::reject, "over its limit"},
@@ -94,6 +94,7 @@ TEST_CASE("Gloss errs by factors, and so does its guard band", "[rules]") {
   CHECK(judge_rule(rule, 1.65, value_of(50, 38.5), "").verdict == Verdict::reject);
   rule.high = 15;
   CHECK(judge_rule(rule, 1.65, value_of(50, 38.5), "").verdict == Verdict::not_judged);
+  rule.low = -kInf;
   CHECK(judge_rule(rule, 1.65, value_of(0, 1.0), "").verdict == Verdict::pass);
 }
 

@@ -62,12 +62,16 @@ void add_defects(Table& table, const Inspection& part, const RecipeInForce& reci
   const double peak = defect_peak(part.evidence, inspector.defect_blocks(), taught);
   const std::size_t n = part.result.defects.size();
   const bool small = n == 0 && peak > taught.limit;
+  const bool ruled = n > 0 && std::ranges::all_of(part.result.defects, [&](const Defect& d) {
+                       return recipe.recipe.rules.has_defects_of(d.kind);
+                     });
   table.add(kWholePart, "largest local departure", {peak, taught.limit}, "{:.1f} sigma",
             small
                 ? "beyond the limit, but smaller or fainter than the least defect that is reported"
-                : fmt::format("{} defect{} reported", n, n == 1 ? "" : "s"));
-  // A recipe says how small a blob may be to count.
-  if (small) table.soften_last();
+            : ruled ? "beyond the limit, but the recipe's rules say which defects count"
+                    : fmt::format("{} defect{} reported", n, n == 1 ? "" : "s"));
+  // A recipe says how small a blob may be to count, and its rules which do.
+  if (small || ruled) table.soften_last();
 }
 
 /// What light and lamps did; known without a part.

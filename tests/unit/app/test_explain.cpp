@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <opencv2/imgproc.hpp>
@@ -236,4 +237,47 @@ TEST_CASE("a defect is ringed where it lies", "[explain]") {
   CHECK(box.contains(centre));
   CHECK(std::abs(box.y + box.height / 2 - centre.y) <= 3);
   CHECK(changed(centre) == 0);  // the ring leaves the defect free
+}
+
+TEST_CASE(
+    "the recipe's rules stand beside their limits, instead of the station's on the same reading",
+    "[explain]") {
+  Inspection part = seen_part();
+  RecipeInForce recipe = recipe_for(part);
+  const auto has = [&](const std::string& name) {
+    const auto values = checked_values(part, &recipe, shipped().inspector);
+    return std::any_of(values.begin(), values.end(),
+                       [&](const CheckedValue& v) { return v.name == name; });
+  };
+  const std::vector<std::pair<RuleReading, std::string>> instead{
+      {RuleReading::gloss_60_gu, "change of gloss 60"},
+      {RuleReading::delta_e00, "colour"},
+      {RuleReading::area_share, "loss of area"},
+      {RuleReading::unknown_share, "of no taught material"},
+      {RuleReading::tilt_deg, "tilt"}};
+  for (const auto& [reading, name] : instead) {
+    CAPTURE(name);
+    recipe.recipe.rules.rules.clear();
+    CHECK(has(name));
+    Rule rule;
+    rule.reading = reading;
+    recipe.recipe.rules.rules = {rule};
+    CHECK_FALSE(has(name));
+  }
+  RuleOutcome outcome;
+  outcome.rule.reading = RuleReading::gloss_60_gu;
+  outcome.cluster = 0;
+  outcome.cluster_name = "<body>";
+  outcome.value = 1.5;
+  outcome.low = 1;
+  outcome.high = 1.4;
+  outcome.verdict = Verdict::reject;
+  part.result.rules = {outcome};
+  const std::string name = "rule: gloss_60_gu";
+  const auto values = checked_values(part, &recipe, shipped().inspector);
+  CHECK(named(values, name).state == CheckedValue::State::beyond);
+  CHECK(named(values, name).ratio == Approx(1.5));  // of the way from the middle to the limit
+  CHECK(named(values, name).cluster == 0);
+  CHECK(says(explain_page(source(part, &recipe)), name));
+  CHECK(says(explain_text(source(part, &recipe)), name));
 }

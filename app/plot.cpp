@@ -58,6 +58,12 @@ const char* style_of(PlotSeries::Style style) {
   return "points pointtype 7 pointsize 1";
 }
 
+/// Lines beyond the last colour start over, dashed.
+std::string dashes(PlotSeries::Style style, std::size_t round) {
+  const bool line = style == PlotSeries::Style::Lines || style == PlotSeries::Style::LinesPoints;
+  return line && round > 0 ? fmt::format(" dashtype {}", round + 1) : "";
+}
+
 void check(const Plot& plot) {
   std::size_t points = 0;
   for (const PlotSeries& s : plot.series) {
@@ -147,9 +153,9 @@ std::string plot_script(const Plot& plot) {
       "set terminal pngcairo noenhanced size {},{} font 'sans,11'\n"
       "set output 'plot.png'\n"
       "set title {}\nset xlabel {}\nset ylabel {}\n"
-      "set grid ytics\nset key left top\nset boxwidth 0.8 relative\n",
-      plot.width_px, plot.height_px, quoted(plot.title), quoted(plot.x_label),
-      quoted(plot.y_label));
+      "set grid ytics\nset key {}\nset boxwidth 0.8 relative\n",
+      plot.width_px, plot.height_px, quoted(plot.title), quoted(plot.x_label), quoted(plot.y_label),
+      plot.series.size() > kColours.size() ? "outside right top" : "left top");
   if (plot.log_x) script += "set logscale x\n";
   if (plot.log_y) script += "set logscale y\n";
   if (!plot.x_names.empty()) {
@@ -161,8 +167,9 @@ std::string plot_script(const Plot& plot) {
   script += "plot ";
   for (std::size_t i = 0; i < plot.series.size(); ++i) {
     const PlotSeries& s = plot.series[i];
-    script += fmt::format("{}'series_{}.dat' using 1:2 with {} linecolor rgb '{}' title {}",
-                          i == 0 ? "" : ", ", i, style_of(s.style), colour(i), quoted(s.label));
+    script += fmt::format("{}'series_{}.dat' using 1:2 with {}{} linecolor rgb '{}' title {}",
+                          i == 0 ? "" : ", ", i, style_of(s.style),
+                          dashes(s.style, i / kColours.size()), colour(i), quoted(s.label));
   }
   for (std::size_t i = 0; i < plot.levels.size(); ++i) {
     const PlotLevel& level = plot.levels[i];

@@ -210,6 +210,15 @@ std::vector<Fault> faults_asked(const Study& study, const Kind& kind) {
   return all;
 }
 
+/// A point of the fault's curve; one of a single size has none.
+void add_detection(Plot& plot, const Fault& fault, double share) {
+  if (fault.size == 1) return;
+  if (plot.series.empty() || plot.series.back().label != fault.name)
+    plot.series.push_back({fault.name, {}, {}, PlotSeries::Style::LinesPoints});
+  plot.series.back().x.push_back(fault.size);
+  plot.series.back().y.push_back(share);
+}
+
 void run_faults(Study& study, const Kind& kind, const RecipeInForce& force,
                 const std::vector<TeachingSet>& sets, const Tally& good) {
   Plot detection{"Detected share, " + kind.name,
@@ -245,19 +254,19 @@ void run_faults(Study& study, const Kind& kind, const RecipeInForce& force,
     std::fflush(stdout);
     study.csv << kind.name << ',' << all[i].name << ',' << all[i].size << ',' << n << ','
               << strict.share() << ',' << loose.share() << '\n';
-    if (detection.series.empty() || detection.series.back().label != all[i].name) {
-      detection.series.push_back({all[i].name, {}, {}, PlotSeries::Style::LinesPoints});
-    }
-    detection.series.back().x.push_back(all[i].size);
-    detection.series.back().y.push_back(strict.share());
-    curves.series.push_back(
-        roc(fmt::format("{} {:g}", all[i].name, all[i].size), good.ratios, strict.ratios));
-    if (!last) continue;
-    for (double& x : detection.series.back().x)
-      x /= all[i].size;
+    add_detection(detection, all[i], strict.share());
+    // What is always or never found draws no curve.
+    if (const double share = strict.share(); share > 0.001 && share < 0.999)
+      curves.series.push_back(
+          roc(fmt::format("{} {:g}", all[i].name, all[i].size), good.ratios, strict.ratios));
+    if (last && !detection.series.empty() && detection.series.back().label == all[i].name)
+      for (double& x : detection.series.back().x)
+        x /= all[i].size;
   }
-  write_plot(detection, study.options.out / ("gate-detection-" + kind.name + ".png"));
-  write_plot(curves, study.options.out / ("gate-roc-" + kind.name + ".png"));
+  if (!detection.series.empty())
+    write_plot(detection, study.options.out / ("gate-detection-" + kind.name + ".png"));
+  if (!curves.series.empty())
+    write_plot(curves, study.options.out / ("gate-roc-" + kind.name + ".png"));
 }
 
 void run(Study& study, const Kind& kind) {

@@ -151,6 +151,33 @@ TEST_CASE("A recipe comes back from its file with every field", "[recipe_file]")
   }
 }
 
+TEST_CASE("Rules come back with their clusters, and are refused where they stand",
+          "[recipe_file][rules]") {
+  const TempDir dir;
+  Recipe recipe = taught_recipe();
+  Rule gloss;
+  gloss.reading = RuleReading::gloss_60_gu;
+  gloss.cluster = 1;
+  gloss.tolerance = 2.5;
+  Rule colour;
+  colour.high = 1.25;
+  recipe.rules = {2, {gloss, colour}};
+  write_recipe(dir / "r.yaml", recipe);
+  const Recipe r = read_recipe(dir / "r.yaml");
+  REQUIRE(r.rules.rules.size() == 2);
+  CHECK(r.rules.guard == 2);
+  CHECK(r.rules.rules[0].cluster == 1);
+  CHECK(r.rules.rules[0].tolerance == 2.5);
+  CHECK(r.rules.rules[1].cluster == kEveryCluster);
+  CHECK(r.rules.rules[1].high == 1.25);
+  const auto file =
+      dir.write("bad.yaml", replaced(text_of(dir / "r.yaml"), "tolerance: 2.5", "tolerance: -1"));
+  const std::string error = input_error([&] { return read_recipe(file); });
+  CAPTURE(error);
+  CHECK(contains(error, "bad.yaml:"));
+  CHECK(contains(error, "(rules.rules[0].tolerance): -1 is out of range"));
+}
+
 TEST_CASE("Every setting comes back exactly", "[recipe_file]") {
   const TempDir dir;
   Recipe recipe = taught_recipe(1);

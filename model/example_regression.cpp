@@ -11,6 +11,7 @@
 #include <string>
 
 #include "model/error.hpp"
+#include "model/estimator.hpp"
 
 namespace brdfgate {
 namespace {
@@ -18,19 +19,15 @@ namespace {
 using Eigen::Index;
 
 constexpr ExampleKernel kKernel;
-/// As many nearest examples tell the process' variance.
-constexpr Index kNeighbours = 48;
 /// Left-out errors count by exp(-d^2 / 2 l^2) of their material's distance, and all of them with
 /// this share of one.
 constexpr float kErrorReach = 0.7F;
 constexpr float kErrorBackground = 0.05F;
-/// A left-out material still knows the exemplars that were derived from it, so its errors are a
-/// little small; variances grow by this, found on materials left out of the basis
-/// (tests/rig_accuracy).
-constexpr double kErrorGrowth = 1.8;
 /// What rounding and grid leave of a row, mapped units: no misfit is taken for smaller.
 constexpr double kLeastMisfit = 0.05;
 constexpr double kMisfitQuantile = 0.99;
+/// Within the basis' span a grid and rounding leave less: no scale of the posterior is smaller.
+constexpr double kLeastMisfitWithin = 0.01;
 
 /// Matern 3/2 with length 2, for squared distances.
 void add_matern(const Eigen::Ref<const Eigen::MatrixXf>& squared, Eigen::Ref<Eigen::MatrixXf> sum) {
@@ -86,32 +83,16 @@ Eigen::MatrixXd example_weights(const Basis& basis) {
   return t;
 }
 
+Eigen::MatrixXd ridge_gain(const Eigen::MatrixXd& q) {
+  Eigen::MatrixXd normal = q.transpose() * q;
+  normal.diagonal().array() += kRidgeEta;
+  return normal.llt().solve(q.transpose());
+}
+
 double quantile(std::vector<double> values, double q) {
   const auto at = static_cast<std::ptrdiff_t>(q * static_cast<double>(values.size() - 1));
   std::nth_element(values.begin(), values.begin() + at, values.end());
   return values[static_cast<std::size_t>(at)];
-}
-
-/// The examples most alike to one, of those that `among` lets in.
-template <typename Among>
-std::vector<Index> nearest(const Eigen::Ref<const Eigen::VectorXf>& with_all, Among&& among) {
-  std::vector<Index> order;
-  for (Index i = 0; i < with_all.size(); ++i) {
-    if (among(i)) order.push_back(i);
-  }
-  const Index n = std::min<Index>(kNeighbours, static_cast<Index>(order.size()));
-  std::nth_element(order.begin(), order.begin() + (n - 1), order.end(),
-                   [&](Index a, Index b) { return with_all[a] > with_all[b]; });
-  order.resize(static_cast<std::size_t>(n));
-  return order;
-}
-
-/// Variance of a process at a point, given noisy values at others (Rasmussen & Williams eq. 2.26).
-double given(Eigen::MatrixXf kernel, const Eigen::VectorXf& with, float itself) {
-  kernel.diagonal().array() += static_cast<float>(kKernel.derived_noise);
-  const Eigen::LLT<Eigen::Ref<Eigen::MatrixXf>> factor(kernel);
-  const Eigen::VectorXf half = factor.matrixL().solve(with);
-  return std::max(0.0F, itself - half.squaredNorm());
 }
 
 }  // namespace
@@ -125,32 +106,33 @@ ExampleRegression::ExampleRegression(const Basis& basis, std::vector<HalfDiff> d
                      "one from brdfgate basis build with --exemplars over 0, or --method ridge");
   }
   if (directions_.empty()) throw InputError("method gp", "no directions", "at least one");
-  make_features(example_rows(basis, directions_));
-  const Eigen::MatrixXf kernel = similarity(examples_).kernel;
+  const Eigen::MatrixXd x = example_rows(basis, directions_);
+  make_features(x);
+  Eigen::MatrixXf noisy = similarity(examples_).kernel;
   const auto derived = static_cast<Index>(basis.exemplars().size());
-  const Index measured = kernel.rows() - derived;
+  const Index measured = noisy.rows() - derived;
   const double growth = kKernel.noise_growth(rows_.q.rows());
-  Eigen::MatrixXf noisy = kernel;
   noisy.diagonal().head(derived).array() += static_cast<float>(growth * kKernel.derived_noise);
   noisy.diagonal().tail(measured).array() += static_cast<float>(growth * kKernel.measured_noise);
   // Single precision: the noise keeps the smallest eigenvalue a hundred times above its rounding.
   const Eigen::LLT<Eigen::Ref<Eigen::MatrixXf>> factor(noisy);
   const Eigen::MatrixXf a = factor.solve(example_weights(basis).cast<float>());
-  coefficients_ = a.transpose();
-  // The measured examples come last, so their block of the inverse needs their block of L alone.
-  const Eigen::MatrixXf block = noisy.bottomRightCorner(measured, measured);
   const Eigen::MatrixXf inverse_l =
-      block.triangularView<Eigen::Lower>().solve(Eigen::MatrixXf::Identity(measured, measured));
-  learn_errors(kernel, inverse_l, a.bottomRows(measured));
+      factor.matrixL().solve(Eigen::MatrixXf::Identity(noisy.rows(), noisy.rows()));
+  coefficients_ = (1 - kKernel.ridge_share) * a.transpose();
+  const Eigen::MatrixXd gain = ridge_gain(rows_.q);
+  ridge_gain_ = (kKernel.ridge_share * gain).cast<float>();
+  learn_errors(left_out_errors(
+      inverse_l, a, basis.training_weights() - (gain * x.rightCols(measured)).transpose()));
 }
 
 void ExampleRegression::make_features(const Eigen::MatrixXd& x) {
   const auto n = static_cast<double>(x.rows());
   const Index count = std::min(rows_.q.rows(), rows_.q.cols());
   // An orthonormal base of what the basis can say at the directions.
-  const Eigen::MatrixXd span = Eigen::HouseholderQR<Eigen::MatrixXd>(rows_.q).householderQ() *
-                               Eigen::MatrixXd::Identity(rows_.q.rows(), count);
-  const Eigen::MatrixXd inside = span.transpose() * x / std::sqrt(n);
+  span_ = Eigen::HouseholderQR<Eigen::MatrixXd>(rows_.q).householderQ() *
+          Eigen::MatrixXd::Identity(rows_.q.rows(), count);
+  const Eigen::MatrixXd inside = span_.transpose() * x / std::sqrt(n);
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(inside * inside.transpose() /
                                                               double(x.cols()));
   const Eigen::MatrixXd axes = solver.eigenvectors().rowwise().reverse();
@@ -165,7 +147,7 @@ void ExampleRegression::make_features(const Eigen::MatrixXd& x) {
   const double error = kKernel.value_error * kKernel.value_error / n;
   const Eigen::ArrayXd damping = (variance / (variance + error)).sqrt();
   const Eigen::MatrixXd to_features = damping.matrix().asDiagonal() * axes.transpose();
-  projection_ = (to_features * span.transpose() / std::sqrt(n)).cast<float>();
+  projection_ = (to_features * span_.transpose() / std::sqrt(n)).cast<float>();
   examples_ = weighted((to_features * inside).cast<float>());
 }
 
@@ -191,67 +173,67 @@ ExampleRegression::Similarity ExampleRegression::similarity(const Weighted& z) c
   return s;
 }
 
-/// Variance of the process given its nearest examples.
-double ExampleRegression::variance_near(const Weighted& z, Index i, const Similarity& s) const {
-  const std::vector<Index> near = nearest(s.kernel.col(i), [](Index) { return true; });
-  const auto n = static_cast<Index>(near.size());
-  Eigen::MatrixXf kernel = Eigen::MatrixXf::Ones(n, n);
-  for (std::size_t j = 0; j < 3; ++j) {
-    const Eigen::MatrixXf some = examples_.z[j](Eigen::all, near);
-    const Eigen::VectorXf squares = examples_.squares[j](near);
-    Eigen::MatrixXf squared = some.transpose() * some;
-    if (j == 1) kernel += kKernel.linear * squared;
-    to_squared_distances(squares, squares, squared);
-    add_matern(squared, kernel);
+/// Weights of the training observations less what is predicted without their material and its
+/// exemplars, observations x k: (K^-1)_ii^-1 (K^-1 T)_i of block i (Rasmussen & Williams eq. 5.12).
+/// Ridge's part is not left out, but its basis has hundreds of observations for few components.
+Eigen::MatrixXd ExampleRegression::left_out_errors(const Eigen::MatrixXf& inverse_l,
+                                                   const Eigen::MatrixXf& a,
+                                                   const Eigen::MatrixXd& ridge_error) const {
+  const Index first = a.rows() - ridge_error.rows();
+  std::map<int, std::vector<Index>> blocks;  // observations, then exemplars
+  for (Index i = first; i < a.rows(); ++i)
+    blocks[material_[static_cast<std::size_t>(i)]].push_back(i);
+  for (Index i = 0; i < first; ++i) {
+    const int material = material_[static_cast<std::size_t>(i)];
+    if (material >= 0) blocks[material].push_back(i);
   }
-  const float itself = 2 + kKernel.linear * z.squares[1][i];
-  return given(kernel, s.kernel.col(i)(near), itself);
-}
-
-void ExampleRegression::learn_errors(const Eigen::MatrixXf& kernel,
-                                     const Eigen::MatrixXf& inverse_l, const Eigen::MatrixXf& a) {
-  const Index measured = inverse_l.rows();
-  const Index first = kernel.rows() - measured;
-  std::map<int, std::vector<Index>> blocks;
-  for (Index i = 0; i < measured; ++i)
-    blocks[material_[static_cast<std::size_t>(first + i)]].push_back(i);
-  Eigen::MatrixXd left_out(measured, a.cols());
+  Eigen::MatrixXd left_out = kKernel.ridge_share * ridge_error;
   for (const auto& [material, block] : blocks) {
     const Eigen::MatrixXd columns = inverse_l(Eigen::all, block).cast<double>();
     const Eigen::MatrixXd own = columns.transpose() * columns;
-    const Eigen::MatrixXd weights = a(block, Eigen::all).cast<double>();
-    const Eigen::MatrixXd error = own.llt().solve(weights);
-    left_out(block, Eigen::all) = error;
+    const Eigen::MatrixXd error = own.llt().solve(a(block, Eigen::all).cast<double>());
+    for (std::size_t i = 0; i < block.size() && block[i] >= first; ++i)
+      left_out.row(block[i] - first) += (1 - kKernel.ridge_share) * error.row(Index(i));
   }
+  return left_out;
+}
+
+void ExampleRegression::learn_errors(const Eigen::MatrixXd& left_out) {
+  const Index measured = left_out.rows();
   const Eigen::MatrixXd residual = rows_.q * left_out.transpose();
   misfit_ =
       (residual.rowwise().squaredNorm().array() / double(measured) + kLeastMisfit * kLeastMisfit)
           .sqrt();
   std::vector<double> squares;
-  for (Index i = 0; i < measured; ++i)
-    squares.push_back(residual.col(i).cwiseQuotient(misfit_).squaredNorm() /
-                      double(misfit_.size()));
-  misfit_limit_ = quantile(std::move(squares), kMisfitQuantile);
   errors_ = left_out.transpose().cast<float>();
   for (Index i = 0; i < measured; ++i) {
-    const int own = material_[static_cast<std::size_t>(first + i)];
-    const auto with = kernel.col(first + i);
-    const std::vector<Index> near =
-        nearest(with, [&](Index e) { return material_[static_cast<std::size_t>(e)] != own; });
-    const double v = given(kernel(near, near), with(near), kernel(first + i, first + i));
-    errors_.col(i) /= static_cast<float>(std::sqrt(v + kKernel.measured_noise));
+    squares.push_back(residual.col(i).cwiseQuotient(misfit_).squaredNorm() /
+                      double(misfit_.size()));
+    errors_.col(i) /= static_cast<float>(std::sqrt(misfit_within(residual.col(i))));
   }
+  misfit_limit_ = quantile(std::move(squares), kMisfitQuantile);
   mean_shape_ = errors_ * errors_.transpose() / static_cast<float>(measured);
 }
 
+/// RMS over the directions of the part of a residual that the basis could say, mapped units.
+double ExampleRegression::misfit_within(const Eigen::VectorXd& residual) const {
+  const double square =
+      (span_.transpose() * residual).squaredNorm() / static_cast<double>(residual.size());
+  return std::max(kLeastMisfitWithin, std::sqrt(square));
+}
+
+Eigen::MatrixXd ExampleRegression::answer(const Eigen::MatrixXf& x, const Similarity& s) const {
+  return (coefficients_ * s.kernel + ridge_gain_ * x).cast<double>();
+}
+
 Eigen::MatrixXd ExampleRegression::mean(const Eigen::MatrixXd& x) const {
-  const Weighted z = weighted(projection_ * x.cast<float>());
-  return (coefficients_ * similarity(z).kernel).cast<double>();
+  const Eigen::MatrixXf values = x.cast<float>();
+  return answer(values, similarity(weighted(projection_ * values)));
 }
 
 /// Left-out errors, those of materials near the observed one counting most.
 Eigen::MatrixXd ExampleRegression::covariance_near(const Eigen::VectorXf& squared_first,
-                                                   double scale) const {
+                                                   double misfit) const {
   constexpr float kNegligible = 1e-3F;
   const Index measured = errors_.cols();
   const Eigen::VectorXf near =
@@ -266,18 +248,19 @@ Eigen::MatrixXd ExampleRegression::covariance_near(const Eigen::VectorXf& square
   const Eigen::MatrixXf errors = errors_(Eigen::all, some) * share.cwiseSqrt().asDiagonal();
   shape.selfadjointView<Eigen::Lower>().rankUpdate(errors);
   const Eigen::MatrixXf whole = shape.selfadjointView<Eigen::Lower>();
-  return whole.cast<double>() * (kErrorGrowth * scale / double(background + share.sum()));
+  return whole.cast<double>() * (misfit / double(background + share.sum()));
 }
 
 std::vector<ExampleRegression::Prediction> ExampleRegression::predict(
     const Eigen::MatrixXd& x) const {
-  const Weighted z = weighted(projection_ * x.cast<float>());
-  const Similarity s = similarity(z);
-  const Eigen::MatrixXf c = coefficients_ * s.kernel;
+  const Eigen::MatrixXf values = x.cast<float>();
+  const Similarity s = similarity(weighted(projection_ * values));
+  const Eigen::MatrixXd c = answer(values, s);
+  const Eigen::MatrixXd residual = x - rows_.q * c;
   std::vector<Prediction> out;
   for (Index i = 0; i < x.cols(); ++i) {
-    const double scale = variance_near(z, i, s) + kKernel.measured_noise;
-    out.push_back({c.col(i).cast<double>(), covariance_near(s.squared_first.col(i), scale)});
+    out.push_back(
+        {c.col(i), covariance_near(s.squared_first.col(i), misfit_within(residual.col(i)))});
   }
   return out;
 }

@@ -12,9 +12,14 @@
 // mean runs through the examples smoothly, so that it follows the curved set of real materials,
 // which ridge takes for a Gaussian cloud.
 //
-// The posterior's scale is the process' own; its shape is that of the errors which the same
-// regression makes on training materials that are left out (in all colours and fits), those like
-// the observed one counting most. So it holds the discrepancy of material and model, out of fold.
+// A fifth of the answer is ridge's: among materials unlike every example the regression knows no
+// better than to follow the nearest ones.
+//
+// The posterior's shape is that of the errors which the same regression makes on training materials
+// that are left out, in all colours and fits and with the exemplars that were made of them, those
+// like the observed one counting most. Its scale is the material's own: variances are proportional
+// to the misfit of its observations within what the basis can say. So it holds the discrepancy of
+// material and model, out of fold, and no constant was fitted to the intervals.
 #pragma once
 
 #include <Eigen/Core>
@@ -29,14 +34,15 @@ namespace brdfgate {
 /// Chosen by cross-validation over the training materials; the error is flat around them
 /// (docs/decisions). In one place, so that the tests' simple form has the same.
 struct ExampleKernel {
-  float linear = 1.0F;
+  float linear = 0.3F;
   /// A feature of relative deviation r counts r^(2 (e - 1)) in squared norms.
-  std::array<double, 3> norm_exponents{1.0, 0.7, 0.3};
+  std::array<double, 3> norm_exponents{1.0, 0.85, 0.6};
   double least_deviation = 1e-3;  ///< of a feature, relative to the first
   double value_error = 0.2;       ///< of one observation, mapped units: what damps features
   /// Variance of an example's own weights around the process: measured, derived.
   double measured_noise = 0.02;
   double derived_noise = 0.05;
+  double ridge_share = 0.2;  ///< of the answer: ridge's
   /// Fewer directions tell less apart: both variances grow by this over their number, if over 1.
   double enough_directions = 60;
   double noise_growth(Eigen::Index directions) const {
@@ -81,19 +87,23 @@ class ExampleRegression {
   Weighted weighted(const Eigen::MatrixXf& features) const;
   Similarity similarity(const Weighted& z) const;
   void make_features(const Eigen::MatrixXd& x);
-  void learn_errors(const Eigen::MatrixXf& kernel, const Eigen::MatrixXf& inverse_l,
-                    const Eigen::MatrixXf& a);
-  double variance_near(const Weighted& z, Eigen::Index i, const Similarity& s) const;
-  Eigen::MatrixXd covariance_near(const Eigen::VectorXf& squared_first, double scale) const;
+  Eigen::MatrixXd left_out_errors(const Eigen::MatrixXf& inverse_l, const Eigen::MatrixXf& a,
+                                  const Eigen::MatrixXd& ridge_error) const;
+  void learn_errors(const Eigen::MatrixXd& left_out);
+  double misfit_within(const Eigen::VectorXd& residual) const;
+  Eigen::MatrixXd covariance_near(const Eigen::VectorXf& squared_first, double misfit) const;
+  Eigen::MatrixXd answer(const Eigen::MatrixXf& x, const Similarity& s) const;
 
   std::vector<HalfDiff> directions_;
   BasisRows rows_;
   std::vector<int> material_;     ///< per example: its material, the source's for exemplars, or -1
+  Eigen::MatrixXd span_;          ///< directions x features: orthonormal, what the basis can say
   Eigen::MatrixXf projection_;    ///< features x directions
   Eigen::Matrix3Xf gain_;         ///< 3 x features: weights of the three norms
   Weighted examples_;             ///< exemplars first, then the training observations
-  Eigen::MatrixXf coefficients_;  ///< k x examples: (K + N)^-1 T
-  Eigen::MatrixXf errors_;        ///< k x observations, in process deviations
+  Eigen::MatrixXf coefficients_;  ///< k x examples: (K + N)^-1 T, by its share
+  Eigen::MatrixXf ridge_gain_;    ///< k x directions: (Q^T Q + eta I)^-1 Q^T, by its share
+  Eigen::MatrixXf errors_;        ///< k x observations, over the root of their misfit
   Eigen::MatrixXf mean_shape_;    ///< k x k, mean of their outer products
   Eigen::VectorXd misfit_;
   double misfit_limit_ = 0;

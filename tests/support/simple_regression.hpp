@@ -8,6 +8,7 @@
 #include <cmath>
 #include <vector>
 
+#include "model/estimator.hpp"
 #include "model/example_regression.hpp"
 #include "model/exemplars.hpp"
 
@@ -17,7 +18,11 @@ class SimpleRegression {
  public:
   SimpleRegression(const Basis& basis, const std::vector<HalfDiff>& directions) {
     const Eigen::MatrixXd x = example_rows(basis, directions);
-    make_projection(basis.rows(directions).q, x);
+    const Eigen::MatrixXd q = basis.rows(directions).q;
+    make_projection(q, x);
+    const Eigen::MatrixXd normal =
+        q.transpose() * q + kRidgeEta * Eigen::MatrixXd::Identity(q.cols(), q.cols());
+    ridge_gain_ = normal.inverse() * q.transpose();
     for (Eigen::Index i = 0; i < x.cols(); ++i)
       examples_.push_back(projection_ * x.col(i));
     const auto derived = static_cast<Eigen::Index>(basis.exemplars().size());
@@ -39,7 +44,8 @@ class SimpleRegression {
     Eigen::VectorXd with(coefficients_.rows());
     for (Eigen::Index i = 0; i < with.size(); ++i)
       with[i] = kernel(examples_[std::size_t(i)], z);
-    return coefficients_.transpose() * with;
+    return (1 - constants_.ridge_share) * coefficients_.transpose() * with +
+           constants_.ridge_share * ridge_gain_ * x;
   }
 
  private:
@@ -87,6 +93,7 @@ class SimpleRegression {
   Eigen::VectorXd relative_;
   std::vector<Eigen::VectorXd> examples_;
   Eigen::MatrixXd coefficients_;
+  Eigen::MatrixXd ridge_gain_;
 };
 
 }  // namespace brdfgate::test

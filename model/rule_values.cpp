@@ -11,9 +11,9 @@
 namespace brdfgate {
 namespace {
 
-/// Repeats of one part scatter up to 4.3 times as far as the ridge's gain says (docs/rules.md has
+/// Repeats of one part scatter up to 5.3 times as far as the ridge's gain says (docs/rules.md has
 /// the figures): the estimator is another, and the part's pose is estimated each time.
-constexpr double kRepeatMargin = 5;
+constexpr double kRepeatMargin = 6;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr int kAspecular = static_cast<int>(RuleReading::aspecular_15_l_star);
 constexpr int kAspecularEnd = static_cast<int>(RuleReading::aspecular_110_b_star) + 1;

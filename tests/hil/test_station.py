@@ -127,10 +127,10 @@ class Colour(unittest.TestCase):
 
 class Height(unittest.TestCase):
     def test_a_part_of_known_height_reads_as_if_it_lay_flat(self):
-        """A grey 4 mm above the reference: 3 % brighter under light 2 unless the station knows."""
+        """A grey 8 mm above the reference: 6 % brighter under light 2 unless the station knows."""
         flat = "target: part\nmaterials:\n  - {name: grey, lambert: [0.4, 0.4, 0.4]}\n"
         readings = {}
-        for name, height, known in (("flat", 0, 0), ("told", 4, 4), ("not_told", 4, 0)):
+        for name, height, known in (("flat", 0, 0), ("told", 8, 8), ("not_told", 8, 0)):
             station = BENCH.folder / f"height_{name}.yaml"
             station.write_text(re.sub(r"part_height_mm: \S+", f"part_height_mm: {known}", BENCH.station.read_text()))
             scene = BENCH.scene(f"height_{name}", flat + f"pose: {{height_mm: {height}}}\n")

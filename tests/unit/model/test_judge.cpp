@@ -485,13 +485,13 @@ TEST_CASE("A rule within the uncertainty of its reading is not judged", "[judge]
   CHECK(contains(j.findings.at(0).text, "its guard band of 1.65 sigmas spans 58.79 to 65.39 GU"));
   c.recipe.rules.guard = 1;
   CHECK(c.judged().verdict == Verdict::pass);
-  // A tolerance counts what noise alone does, five times over, against the mean of ten parts.
+  // A tolerance counts what noise alone does, six times over, against the mean of ten parts.
   c.recipe.rules.rules = {tolerance_of(RuleReading::gloss_60_gu, 3)};
   CHECK(c.judged().verdict == Verdict::not_judged);
   c.clusters[0].repeat.gloss[1].sigma = c.clusters[1].repeat.gloss[1].sigma = 0.1;
   const Judgement again = c.judged();
   CHECK(again.verdict == Verdict::pass);
-  CHECK(again.rules.at(0).sigma == Approx(0.5 * std::sqrt(1.1)));
+  CHECK(again.rules.at(0).sigma == Approx(0.6 * std::sqrt(1.1)));
 }
 
 TEST_CASE("A reading that rules demand measured is not judged where it is extrapolated",

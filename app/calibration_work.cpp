@@ -3,10 +3,10 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <ctime>
 
 #include "app/calibration_file.hpp"
 #include "app/hand_geometry.hpp"
+#include "app/utc_time.hpp"
 #include "app/white_factor_file.hpp"
 #include "config/chart_reader.hpp"
 #include "model/error.hpp"
@@ -235,15 +235,6 @@ Recording read_station_recording(const std::filesystem::path& dir, const Station
                      "station " + config.station_hash.substr(0, 16));
   }
   return recording;
-}
-
-std::string utc_now() {
-  const std::time_t now = std::time(nullptr);
-  std::tm utc{};
-  gmtime_r(&now, &utc);
-  char text[32];
-  std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &utc);
-  return text;
 }
 
 }  // namespace brdfgate

@@ -82,7 +82,4 @@ CalibrationOutcome sensor_calibration(const CalibrationRecordings& recordings,
 /// A recording of this station, whatever its role. Throws InputError where it is another's.
 Recording read_station_recording(const std::filesystem::path& dir, const StationConfig& config);
 
-/// ISO 8601, UTC: 2026-03-01T09:30:00Z.
-std::string utc_now();
-
 }  // namespace brdfgate

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "app/result_json.hpp"
+
 namespace brdfgate {
 namespace {
 
@@ -235,17 +237,10 @@ std::vector<std::string> missing_evidence(const Inspection& part, const RecipeIn
 }
 
 std::string verdict_words(Verdict verdict) {
-  switch (verdict) {
-    case Verdict::pass:
-      return "pass";
-    case Verdict::reject:
-      return "reject";
-    case Verdict::not_judged:
-      return "not judged";
-    case Verdict::none:
-      break;
-  }
-  return "measured";
+  if (verdict == Verdict::none) return "measured";
+  std::string words = to_text(verdict);
+  std::replace(words.begin(), words.end(), '_', ' ');
+  return words;
 }
 
 }  // namespace brdfgate

@@ -11,6 +11,7 @@
 #include "app/plc/device.hpp"
 #include "app/recipe_file.hpp"
 #include "app/session.hpp"
+#include "app/utc_time.hpp"
 #include "config/register_map.hpp"
 #include "hal/gpio/gpio_trigger.hpp"
 #include "model/error.hpp"

@@ -1,8 +1,8 @@
 #include "app/teacher.hpp"
 
 #include <cstdio>
-#include <ctime>
 
+#include "app/utc_time.hpp"
 #include "model/error.hpp"
 #include "model/readings.hpp"
 #include "model/reconstruction.hpp"
@@ -15,15 +15,6 @@ namespace {
 constexpr double kForeignShare = 0.10;
 /// A strict recipe needs this many parts; fewer teach with a warning.
 constexpr int kStrictParts = 10;
-
-std::string today() {
-  const std::time_t now = std::time(nullptr);
-  std::tm utc{};
-  gmtime_r(&now, &utc);
-  char text[32];
-  std::strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &utc);
-  return text;
-}
 
 void require_usable(const std::string& name, const Inspection& seen) {
   // The same reason as a missing recipe's, but no part may be taught under a drifted lamp.
@@ -146,7 +137,7 @@ Recipe Teacher::recipe(const std::string& name, int id) const {
   Recipe recipe = draft_->recipe;
   recipe.id = id;
   recipe.name = name;
-  recipe.created = today();
+  recipe.created = utc_now();
   recipe.parts = parts_;
   recipe.warnings = remarks_;
   recipe.layout.taught.shift_m = 1e-3 * shift_mm_ / parts_;

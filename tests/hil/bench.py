@@ -4,6 +4,7 @@ import pathlib
 import re
 import shutil
 import subprocess
+import unittest
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
 WIDTH, HEIGHT = 728, 544  # half of the default sensor each way: the same rig, four times faster
@@ -41,6 +42,18 @@ class Bench:
         file = self.folder / "scenes" / f"{name}.yaml"
         file.write_text(text)
         return file
+
+
+class Refusals(unittest.TestCase):
+    """Input that a program must refuse."""
+
+    def assert_refused(self, done, says):
+        """Exit code 2, and one line that has every text of `says`."""
+        self.assertEqual(done.returncode, 2, done.stdout + done.stderr)
+        lines = done.stderr.strip().splitlines()
+        self.assertEqual(len(lines), 1, done.stderr)
+        for text in says:
+            self.assertIn(text, lines[0])
 
 
 def small_station(text):

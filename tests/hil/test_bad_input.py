@@ -8,7 +8,7 @@ import sys
 import unittest
 import zlib
 
-from bench import Bench, ROOT
+from bench import Bench, Refusals, ROOT
 
 BENCH = Bench(sys.argv[1], sys.argv[2])
 WORK = BENCH.folder / "bad"
@@ -38,17 +38,12 @@ def merl(file, value, cell=None, instead=None):
     file.write_bytes(data)
 
 
-class Refusals(unittest.TestCase):
+class Refused(Refusals):
     def refused(self, *arguments, says):
-        done = BENCH.run(*arguments)
-        self.assertEqual(done.returncode, 2, done.stdout + done.stderr)
-        lines = done.stderr.strip().splitlines()
-        self.assertEqual(len(lines), 1, done.stderr)
-        for text in says:
-            self.assertIn(text, lines[0])
+        self.assert_refused(BENCH.run(*arguments), says)
 
 
-class BadModelInput(Refusals):
+class BadModelInput(Refused):
     """What bases are trained on and rigs are designed from."""
     BASIS = ROOT / "config/basis/merl.basis"
 
@@ -108,7 +103,7 @@ class BadModelInput(Refusals):
         self.refused("basis", "goniometer", self.BASIS, "--list", measured, says=["below.brdf:2", "theta_o 1.7", "horizon"])
 
 
-class BadInput(Refusals):
+class BadInput(Refused):
     @classmethod
     def setUpClass(cls):
         shutil.rmtree(WORK, ignore_errors=True)

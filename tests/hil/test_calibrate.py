@@ -11,7 +11,7 @@ import sys
 import unittest
 
 import test_daemon
-from bench import Bench
+from bench import Bench, Refusals
 
 BENCH = Bench(sys.argv[1], sys.argv[2])
 WORK = BENCH.folder / "calibrate"
@@ -65,7 +65,7 @@ def swap_exposures(recording):
     file.write_text("\n".join(lines) + "\n")
 
 
-class Calibrate(unittest.TestCase):
+class Calibrate(Refusals):
     @classmethod
     def setUpClass(cls):
         shutil.rmtree(WORK, ignore_errors=True)
@@ -84,11 +84,7 @@ class Calibrate(unittest.TestCase):
     def refused(self, *recordings, says, config=None, more=()):
         out = WORK / "refused.exr"
         done = BENCH.run("calibrate", "--config", config or self.config, "--from", *recordings, "--out", out, *more)
-        self.assertEqual(done.returncode, 2, done.stdout + done.stderr)
-        lines = done.stderr.strip().splitlines()
-        self.assertEqual(len(lines), 1, done.stderr)
-        for text in says:
-            self.assertIn(text, lines[0])
+        self.assert_refused(done, says)
         self.assertFalse(out.exists())
 
     def levels(self, *without):

@@ -5,7 +5,7 @@ import shutil
 import sys
 import unittest
 
-from bench import ROOT, Bench
+from bench import ROOT, Bench, Refusals
 
 BENCH = Bench(sys.argv[1], sys.argv[2])
 EXAMPLE = ROOT / "config/rules/good.rules.yaml"
@@ -28,7 +28,7 @@ def ruled(name, *rules, guard=1.65):
     return out
 
 
-class Rules(unittest.TestCase):
+class Rules(Refusals):
     @classmethod
     def setUpClass(cls):
         shutil.rmtree(WORK, ignore_errors=True)
@@ -47,11 +47,7 @@ class Rules(unittest.TestCase):
 
     def refused(self, says, *arguments):
         done = BENCH.run(*arguments)
-        self.assertEqual(done.returncode, 2, done.stdout + done.stderr)
-        lines = done.stderr.strip().splitlines()
-        self.assertEqual(len(lines), 1, done.stderr)
-        for text in says:
-            self.assertIn(text, lines[0])
+        self.assert_refused(done, says)
 
     def test_the_manuals_example_passes_good_parts_and_rejects_bad_ones(self):
         recipe = WORK / "example.recipe.yaml"

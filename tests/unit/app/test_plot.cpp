@@ -62,6 +62,19 @@ TEST_CASE("Names cannot become commands of the plotting program") {
   CHECK_FALSE(contains(script, "\"touch"));
 }
 
+TEST_CASE("More lines than colours are dashed, their legend beside the plot") {
+  Plot plot = small_plot();
+  const std::string few = plot_script(plot);
+  CHECK(contains(few, "set key left top"));
+  plot.series.assign(7, plot.series[1]);
+  const std::string many = plot_script(plot);
+  CHECK(contains(many, "set key outside right top"));
+  const std::size_t seventh = many.find("'series_6.dat'");
+  REQUIRE(seventh != std::string::npos);
+  CHECK(many.find("dashtype 2") > seventh);
+  CHECK(contains(many.substr(seventh), "pointtype 7 dashtype 2"));
+}
+
 TEST_CASE("Without gnuplot there is one clear error and no file") {
   const TempDir dir;
   const Path nowhere(dir.path().string());

@@ -137,6 +137,13 @@ TEST_CASE("every value stands beside its limit, and says which side it is on", "
   CHECK(says(text, "[?         |          ] NOT KNOWN"));
 }
 
+TEST_CASE("a verdict is said in words", "[explain]") {
+  CHECK(verdict_words(Verdict::pass) == "pass");
+  CHECK(verdict_words(Verdict::reject) == "reject");
+  CHECK(verdict_words(Verdict::not_judged) == "not judged");
+  CHECK(verdict_words(Verdict::none) == "measured");
+}
+
 TEST_CASE("named changes show how far and how much of T2 each is", "[explain]") {
   Inspection part = seen_part();
   const RecipeInForce recipe = recipe_for(part);

@@ -120,6 +120,9 @@ TEST_CASE("A spot is found where it is, about as large as it is, and named for w
     CHECK(defects[0].at_mm[1] == Approx(-9).margin(0.4));
     CHECK(defects[0].size_mm == Approx(6).epsilon(0.2));
     CHECK(defects[0].score > 1);
+    // What teaching takes a limit from is what a blob is scored by.
+    CHECK(defect_peak(evidence(part, {satin(0.2)}), blocks(), reference()) ==
+          Approx(defects[0].score * reference().limit));
   }
 }
 

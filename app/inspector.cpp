@@ -14,6 +14,7 @@
 #include "model/light_health.hpp"
 #include "model/mapping.hpp"
 #include "model/reconstruction.hpp"
+#include "model/tilted_registration.hpp"
 
 namespace brdfgate {
 namespace {
@@ -59,6 +60,19 @@ constexpr int kPoseTiles = 40;
 constexpr int kFixtureCells = 500;
 /// A part is not taken for darker than this when ambient light is told from it.
 constexpr double kDarkestAlbedo = 0.02;
+
+/// Shift and rotation as told by the plane, without what the tilt makes of them.
+void take_tilt_out(PartResult& part, const TaughtLayout& layout, const Eigen::Vector3d& eye_W) {
+  if (layout.empty()) return;
+  const PlanarPose& taught = layout.taught;
+  const PlanarPose seen{1e-3 * Eigen::Vector2d(part.shift_mm[0], part.shift_mm[1]) + taught.shift_m,
+                        part.rotation_deg * kDegree + taught.rotation};
+  const PartPose lie{part.tilt_deg[0] * kDegree, part.tilt_deg[1] * kDegree, part.height_mm * 1e-3};
+  const PlanarPose own = without_tilt(layout, seen, lie, eye_W);
+  const Eigen::Vector2d shift = 1e3 * (own.shift_m - taught.shift_m);
+  part.shift_mm = {shift.x(), shift.y()};
+  part.rotation_deg = (own.rotation - taught.rotation) / kDegree;
+}
 
 struct PeakSight {
   bool inside = false;      ///< a bin around theta_h = 0 was seen under light 1
@@ -401,6 +415,7 @@ Inspection Inspector::measure(const Capture& capture, const RecipeInForce* recip
       double(cv::countNonZero(regions.label == kUnknown)) / std::max(1, cv::countNonZero(on_part));
   measure_clusters(part, recipe);
   if (recipe != nullptr) {
+    take_tilt_out(part.result, recipe->recipe.layout, geometry_.camera.position());
     part.evidence = evidence_of(part, *recipe);
     part.facts.defects = find_defects(part.evidence, *blocks_, recipe->recipe.defects,
                                       recipe->defect_material, recipe->recipe.settings);

@@ -18,13 +18,37 @@ double upper_quantile(std::vector<double>& values, double rate) {
   return *at;
 }
 
-/// Independent normal columns with these deviations; rows are parts.
-void draw(Random& random, const Eigen::VectorXd& deviations, Eigen::MatrixXd& parts) {
+/// Normal rows of covariance factor' factor.
+void draw(Random& random, const Eigen::MatrixXd& factor, Eigen::MatrixXd& parts) {
   std::normal_distribution<double> normal;
   for (Eigen::Index j = 0; j < parts.cols(); ++j) {
     for (Eigen::Index i = 0; i < parts.rows(); ++i)
-      parts(i, j) = deviations[j] * normal(random);
+      parts(i, j) = normal(random);
   }
+  parts *= factor;
+}
+
+/// Orthonormal rows: the mean of the first `levels` of p changes, Helmert's contrasts between
+/// those, then the others as they are.
+Eigen::MatrixXd level_axes(Eigen::Index p, Eigen::Index levels) {
+  Eigen::MatrixXd axes = Eigen::MatrixXd::Identity(p, p);
+  if (levels < 2) return axes;
+  axes.row(0).head(levels).setConstant(1 / std::sqrt(static_cast<double>(levels)));
+  for (Eigen::Index k = 1; k < levels; ++k) {
+    const auto n = static_cast<double>(k);
+    axes.row(k).head(k).setConstant(1 / std::sqrt(n * (n + 1)));
+    axes(k, k) = -n / std::sqrt(n * (n + 1));
+  }
+  return axes;
+}
+
+/// Ledoit and Wolf's covariance in units of each column's deviation.
+Eigen::MatrixXd shrunk_in_own_units(const Eigen::MatrixXd& observations) {
+  const Eigen::MatrixXd x = observations.rowwise() - observations.colwise().mean();
+  const Eigen::VectorXd unit =
+      (x.colwise().squaredNorm().transpose() / static_cast<double>(x.rows())).cwiseSqrt();
+  const Eigen::VectorXd inverse = (unit.array() > 0).select(unit.cwiseInverse(), 0.0);
+  return unit.asDiagonal() * ledoit_wolf(x * inverse.asDiagonal()) * unit.asDiagonal();
 }
 
 }  // namespace
@@ -51,26 +75,32 @@ Eigen::MatrixXd ledoit_wolf(const Eigen::MatrixXd& observations) {
   return s;
 }
 
-double t2_limit(const Eigen::MatrixXd& covariance, int parts, double floor, double rate) {
+Eigen::MatrixXd shrunk_covariance(const Eigen::MatrixXd& observations, int levels) {
+  const Eigen::MatrixXd axes = level_axes(observations.cols(), levels);
+  return axes.transpose() * shrunk_in_own_units(observations * axes.transpose()) * axes;
+}
+
+double t2_limit(const Eigen::MatrixXd& covariance, int parts, double floor, double rate,
+                int levels) {
   constexpr int kEstimates = 4000, kNewParts = 100;
-  // Mean, shrinkage and T^2 turn with the axes, so the draws may be made along S's own.
-  const Eigen::VectorXd deviations =
-      Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(covariance, Eigen::EigenvaluesOnly)
-          .eigenvalues()
-          .cwiseMax(floor * floor)
-          .cwiseSqrt();
   const Eigen::Index p = covariance.rows();
+  // T^2 turns with the axes: all of it along those that the shrinkage takes.
+  const Eigen::MatrixXd axes = level_axes(p, levels);
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> own(axes * covariance * axes.transpose());
+  const Eigen::VectorXd variances = own.eigenvalues().cwiseMax(floor * floor);
+  const Eigen::MatrixXd factor =
+      variances.cwiseSqrt().asDiagonal() * own.eigenvectors().transpose();
   const double growth = 1 + 1.0 / parts;
   Random random(20040210);
   std::vector<double> t2;
   t2.reserve(std::size_t{kEstimates} * kNewParts);
   Eigen::MatrixXd taught(parts, p), fresh(kNewParts, p);
   for (int k = 0; k < kEstimates; ++k) {
-    draw(random, deviations, taught);
-    draw(random, deviations, fresh);
-    Eigen::MatrixXd s = deviations.array().square().matrix().asDiagonal();
+    draw(random, factor, taught);
+    draw(random, factor, fresh);
+    Eigen::MatrixXd s = factor.transpose() * factor;
     if (parts > 2) {
-      s = ledoit_wolf(taught);
+      s = shrunk_in_own_units(taught);
       s.diagonal().array() += floor * floor;
     }
     const Eigen::LLT<Eigen::MatrixXd> llt(s * growth);

@@ -20,15 +20,27 @@ RateShares split_rate(double per_part, int clusters);
 /// observations, two or more.
 Eigen::MatrixXd ledoit_wolf(const Eigen::MatrixXd& observations);
 
+/// Covariance of good parts' monitored changes, shrunk towards independent changes of the parts'
+/// own deviations: Ledoit and Wolf's covariance of the changes in units of those (of N). Their
+/// scaled identity as it is gives all changes one deviation, and the gloss of a matte part deviates
+/// ten times as much as its colour. The first `levels` changes are diffuse levels of channels; they
+/// are told apart as their mean and the contrasts between them (Helmert's), because pigment and
+/// lamps move them together: a shrunk correlation of the levels would loosen the colour. Rows are
+/// parts, two or more; `levels` at most the columns. Keeps the sample covariance's trace.
+Eigen::MatrixXd shrunk_covariance(const Eigen::MatrixXd& observations, int levels = 0);
+
 /// T^2's limit by predictive simulation. The F law does not hold for a shrunk covariance, so the
-/// whole estimator is played through: N parts are drawn from N(0, S), mean and Ledoit-Wolf
-/// covariance plus floor^2 I estimated again, and T^2 of new parts taken with (1 + 1/N) times that
-/// covariance; the limit is its quantile. With N = 1, 2 the covariance counts as known. Fixed seed.
+/// whole estimator is played through: N parts are drawn from N(0, S), mean and shrunk covariance
+/// (shrunk_covariance) plus floor^2 I estimated again, and T^2 of new parts taken with (1 + 1/N)
+/// times that covariance; the limit is its quantile. With N = 1, 2 the covariance counts as known.
+/// Fixed seed.
 /// @param covariance  S, part to part, without the floor; directions in which it is smaller than
 ///                    floor^2 are drawn with floor^2
 /// @param floor       standard deviation that every estimate adds, > 0
 /// @param rate        false rejects, (0, 0.5)
-double t2_limit(const Eigen::MatrixXd& covariance, int parts, double floor, double rate);
+/// @param levels      as in shrunk_covariance()
+double t2_limit(const Eigen::MatrixXd& covariance, int parts, double floor, double rate,
+                int levels = 0);
 
 /// Box 1954: a sum of correlated squares goes as g chi^2_h, h = (tr C)^2 / tr C^2. Here for the
 /// mean square of residuals in units of their deviations, from N rows of those (taught mean

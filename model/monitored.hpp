@@ -31,6 +31,9 @@ struct MonitoredDirections {
   Eigen::Index size() const { return response.cols(); }
 };
 
+/// How many of the directions are diffuse levels: the first ones.
+int level_count(const MonitoredDirections& directions);
+
 /// "diffuse level R" and so on; of a mono sensor "diffuse level".
 std::string level_name(Eigen::Index channel, Eigen::Index channels);
 

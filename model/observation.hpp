@@ -15,6 +15,7 @@ namespace brdfgate {
 struct ClusterObservation {
   Eigen::MatrixXd weights;          ///< prior sigmas, k x channels
   Eigen::VectorXd monitored;        ///< p: along the monitored directions (monitored.hpp)
+  int levels = 0;                   ///< the first so many of them are channels' diffuse levels
   Eigen::MatrixXd monitored_noise;  ///< p x p covariance of `monitored`: pixel noise and the place
   std::vector<int> bin_id;
   std::vector<HalfDiff> angles;    ///< of those bins

@@ -182,6 +182,7 @@ void teach_residuals(TaughtCluster& taught, const std::vector<ClusterObservation
 void teach_weights(TaughtCluster& taught, const std::vector<ClusterObservation>& parts,
                    const JudgeSettings& settings, double rate) {
   const Index p = parts.front().monitored.size();
+  const int levels = parts.front().levels;
   taught.mean = Eigen::MatrixXd::Zero(parts.front().weights.rows(), parts.front().weights.cols());
   Eigen::MatrixXd monitored(std::ssize(parts), p);
   Eigen::MatrixXd noise = Eigen::MatrixXd::Zero(p, p);
@@ -196,10 +197,10 @@ void teach_weights(TaughtCluster& taught, const std::vector<ClusterObservation>&
     taught.monitored_covariance = noise / static_cast<double>(parts.size());
     taught.monitored_covariance.diagonal().array() += kFewChange * kFewChange;
   } else {
-    taught.monitored_covariance = ledoit_wolf(monitored);
+    taught.monitored_covariance = shrunk_covariance(monitored, levels);
   }
   const double floor = settings.change_floor;
-  taught.t2_limit = t2_limit(taught.monitored_covariance, taught.parts, floor, rate);
+  taught.t2_limit = t2_limit(taught.monitored_covariance, taught.parts, floor, rate, levels);
   taught.monitored_covariance.diagonal().array() += floor * floor;
 }
 

@@ -46,7 +46,7 @@ struct TaughtCluster {
   Eigen::MatrixXd mean;                  ///< k x channels
   MonitoredDirections directions;        ///< p of them
   Eigen::VectorXd monitored_mean;        ///< p
-  Eigen::MatrixXd monitored_covariance;  ///< p x p, Ledoit-Wolf shrunk plus floor
+  Eigen::MatrixXd monitored_covariance;  ///< p x p, shrunk (limits.hpp) plus floor
   double t2_limit = 0;
   std::vector<int> bin_id;             ///< bins seen while teaching
   Eigen::MatrixXd bin_residual;        ///< bins x channels, mean of what the directions leave there
@@ -108,7 +108,7 @@ struct ObservedParts {
 ObservedParts observe_parts(const Basis& basis, const Brdf& material,
                             const std::vector<TeachSample>& parts);
 
-/// One cluster from N good parts (N >= 1): mean weights, Ledoit-Wolf covariance (2004), limits by
+/// One cluster from N good parts (N >= 1): mean weights, shrunk covariance (limits.hpp), limits by
 /// predictive simulation of the shrunk estimator with a fixed seed (limits.hpp), each for its share
 /// of the part's false-reject rate. N = 1, 2 rest on a prior for the part-to-part deviation and the
 /// measurements' own noise. A pure function of matrices, without directions, area share, gloss and

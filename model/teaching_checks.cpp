@@ -31,7 +31,7 @@ std::vector<OutlyingPart> outlying_parts(const std::vector<ClusterObservation>& 
     TaughtCluster rest = taught;
     rest.parts = static_cast<int>(parts.size()) - 1;
     rest.monitored_mean = others.colwise().mean().transpose();
-    rest.monitored_covariance = ledoit_wolf(others);
+    rest.monitored_covariance = shrunk_covariance(others, parts.front().levels);
     rest.monitored_covariance.diagonal().array() += settings.change_floor * settings.change_floor;
     const double t2 = deviation(rest, parts[i]).t2;
     if (t2 > taught.t2_limit)
@@ -43,7 +43,8 @@ std::vector<OutlyingPart> outlying_parts(const std::vector<ClusterObservation>& 
 std::vector<Reach> reach_of(const TaughtCluster& taught, const JudgeSettings& settings,
                             int clusters, int more) {
   const double rate = split_rate(settings.false_reject_rate, clusters).per_statistic;
-  const double limit = t2_limit(taught.monitored_covariance, more, settings.change_floor, rate);
+  const double limit = t2_limit(taught.monitored_covariance, more, settings.change_floor, rate,
+                                level_count(taught.directions));
   std::vector<Reach> out;
   for (Index i = 0; i < taught.monitored_mean.size(); ++i) {
     const auto name = static_cast<std::size_t>(i);

@@ -1,4 +1,5 @@
 #include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <Eigen/QR>
 #include <cmath>
 #include <random>
@@ -86,6 +87,79 @@ TEST_CASE("Ledoit-Wolf turns with the axes and lets many observations speak for 
   const Eigen::MatrixXd many = normals(20000, halving(4), 5);
   const Eigen::MatrixXd c = many.rowwise() - many.colwise().mean();
   CHECK((ledoit_wolf(many) - c.transpose() * c / 20000).norm() < 1e-3);
+}
+
+TEST_CASE("A shrunk covariance does not know the changes' units", "[limits]") {
+  const Eigen::MatrixXd x = normals(20, halving(5), 6);
+  Eigen::VectorXd units(5);
+  units << 1, 1, 1, 30, 0.02;  // the levels' own is theirs together
+  for (const int levels : {0, 3}) {
+    const Eigen::MatrixXd s = shrunk_covariance(x, levels);
+    const Eigen::MatrixXd scaled = shrunk_covariance(x * units.asDiagonal(), levels);
+    const Eigen::MatrixXd expected = units.asDiagonal() * s * units.asDiagonal();
+    CHECK((scaled - expected).norm() < 1e-12 * expected.norm());
+    const Eigen::MatrixXd c = x.rowwise() - x.colwise().mean();
+    CHECK(s.trace() == Approx(c.squaredNorm() / 20));
+  }
+  // A change that never varied stays at 0 and makes nothing else undefined.
+  Eigen::MatrixXd still = x;
+  still.col(3).setConstant(0.7);
+  const Eigen::MatrixXd s = shrunk_covariance(still);
+  CHECK(s.allFinite());
+  CHECK(s.col(3).norm() < 1e-12);
+}
+
+TEST_CASE("Levels that move together do not loosen the colour, whatever else deviates by",
+          "[limits]") {
+  // Levels of three channels: 0.5 % in common, 0.1 % each; gloss deviates by 6 %.
+  Eigen::MatrixXd mix = Eigen::MatrixXd::Zero(5, 5);
+  mix.row(0).head(3).setConstant(0.005);
+  mix.block(1, 0, 3, 3).diagonal().setConstant(0.001);
+  mix(4, 3) = 0.06;
+  mix.col(4).setZero();
+  mix(4, 4) = 0.01;
+  const Eigen::VectorXd contrast = Eigen::Vector<double, 5>(1, -1, 0, 0, 0);
+  const double truth = 2 * 1e-6;
+  for (const int n : {10, 50}) {
+    double own = 0, levels = 0, scaled_identity = 0;
+    for (unsigned seed = 0; seed < 40; ++seed) {
+      const Eigen::MatrixXd x = normals(n, Eigen::VectorXd::Ones(5), 100 + seed) * mix;
+      const auto of = [&](const Eigen::MatrixXd& s) { return contrast.dot(s * contrast) / truth; };
+      levels += of(shrunk_covariance(x, 3)) / 40;
+      own += of(shrunk_covariance(x)) / 40;
+      scaled_identity += of(ledoit_wolf(x)) / 40;
+    }
+    CAPTURE(n, own, scaled_identity);
+    CHECK(levels == Approx(1).epsilon(0.2));
+    CHECK(own > 1.5 * levels);
+    CHECK(scaled_identity > 5 * levels);
+  }
+}
+
+TEST_CASE("T^2's limit holds for parts whose levels move together", "[limits]") {
+  Eigen::MatrixXd mix = Eigen::MatrixXd::Identity(5, 5) * 0.01;
+  mix.row(0).head(3).setConstant(0.05);
+  mix(4, 3) = 0.04;
+  const Eigen::MatrixXd covariance = mix.transpose() * mix;
+  constexpr double kFloor = 0.001, kRate = 0.02;
+  for (const int n : {6, 15, 50}) {
+    const double limit = t2_limit(covariance, n, kFloor, kRate, 3);
+    int beyond = 0;
+    constexpr int kRecipes = 300, kFresh = 40;
+    for (unsigned seed = 0; seed < kRecipes; ++seed) {
+      const Eigen::MatrixXd x = normals(n, Eigen::VectorXd::Ones(5), 1000 + seed) * mix;
+      Eigen::MatrixXd s = shrunk_covariance(x, 3);
+      s.diagonal().array() += kFloor * kFloor;
+      const Eigen::MatrixXd inverse = (s * (1 + 1.0 / n)).inverse();
+      const Eigen::MatrixXd fresh =
+          (normals(kFresh, Eigen::VectorXd::Ones(5), 5000 + seed) * mix).rowwise() -
+          x.colwise().mean();
+      for (int i = 0; i < kFresh; ++i)
+        beyond += fresh.row(i) * inverse * fresh.row(i).transpose() > limit;
+    }
+    CAPTURE(n, limit);
+    CHECK(beyond / double(kRecipes * kFresh) == Approx(kRate).margin(0.006));
+  }
 }
 
 TEST_CASE("With the covariance known, T^2's limit is chi-square's", "[limits]") {

@@ -124,6 +124,19 @@ TEST_CASE("The noise of the monitored changes is what pixel noise makes of them"
     CHECK(sum(i, i) == Approx(predicted(i, i)).epsilon(0.25));
 }
 
+TEST_CASE("What a bin's cells are mistaken by is common to its channels", "[monitored]") {
+  const auto basis = small_basis();
+  const auto matt = make_brdf(LambertParameters{{0.5, 0.5, 0.5}});
+  const MonitoredDirections d = directions_of(*basis, *matt);
+  const ClusterObservation o = observed(*basis, d, seen(*matt, d.frame, 0));
+  CHECK(o.levels == 3);
+  // 24 bins of equal weight: 1 % of each, of which 0.3 % are a channel's own.
+  const double common = o.monitored_noise(0, 1), level = o.monitored_noise(0, 0);
+  CHECK(level == Approx(1e-4 / 24).epsilon(0.03));
+  CHECK(level - common == Approx(9e-6 / 24).epsilon(0.03));
+  CHECK(observed(*basis, directions_of(*basis, *satin()), seen(*satin(), d.frame)).levels == 3);
+}
+
 TEST_CASE("What a material does not have is not monitored", "[monitored]") {
   const auto basis = small_basis();
   const auto matt = make_brdf(LambertParameters{{0.5, 0.4, 0.3}});

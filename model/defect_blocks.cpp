@@ -1,6 +1,8 @@
 // Blocks of cells, and a part's residuals on them.
+#include <Eigen/LU>
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
@@ -14,8 +16,21 @@ namespace {
 
 /// Area of the plane that a block is to cover, m^2: a defect of 1 mm^2 is three of them.
 constexpr double kBlockArea = 0.35e-6;
-/// Cells along the part's and the clusters' borders that are not looked at: mixed by the optics.
+/// Cells along the part's border that are not looked at, and along those between clusters in which
+/// a block may be a mixture: the optics mix them, and labels err.
 constexpr int kBorderCells = 3;
+/// Cells along a border between clusters that are not looked at: the colours of a mosaic, and of a
+/// lens, look at places a fraction of a cell apart, and mix the materials in shares of their own.
+constexpr int kMixedCells = 1;
+/// A block near a border that has less of either material is left out too.
+constexpr double kLeastShareOfOne = 0.95;
+/// By how much a cell's colours may differ in that share all the same, where labels err by more: a
+/// mosaic's look half a cell apart.
+constexpr double kColourShareSigma = 0.3;
+/// How firmly a mixture's two shares are held to a sum of 1, and, where the materials look alike,
+/// to each other: against the sum of squared relative errors over the channels.
+constexpr double kWholeWeight = 0.01, kAlikeWeight = 0.0025;
+constexpr int kMostClusters = 8;
 /// Window of the part's own slow departure: several times the largest defect window.
 constexpr double kBackgroundMm = 14;
 /// Residuals beyond so many robust deviations do not pull the background.
@@ -35,30 +50,60 @@ double cell_area(const cv::Mat& position, int v, int u) {
   return std::abs(a[0] * b[1] - a[1] * b[0]);
 }
 
-/// Cells at least kBorderCells away from any other cluster and from what is not part.
-cv::Mat away_from_borders(const cv::Mat& home) {
-  const int side = 2 * kBorderCells + 1;
-  const cv::Mat square = cv::getStructuringElement(cv::MORPH_RECT, {side, side});
-  cv::Mat least, most;
-  cv::erode(home, least, square, {-1, -1}, 1, cv::BORDER_REPLICATE);
-  cv::dilate(home, most, square, {-1, -1}, 1, cv::BORDER_REPLICATE);
-  return (least == most) & (home < 8);
+/// Clusters of each cell's surroundings, `reach` cells every way, as bits.
+cv::Mat clusters_around(const cv::Mat& home, int reach) {
+  const cv::Mat square = cv::getStructuringElement(cv::MORPH_RECT, {2 * reach + 1, 2 * reach + 1});
+  cv::Mat around = cv::Mat::zeros(home.size(), CV_8UC1), near;
+  for (int k = 0; k < kMostClusters; ++k) {
+    const cv::Mat own = home == k;
+    if (cv::countNonZero(own) == 0) continue;
+    cv::dilate(own, near, square);
+    around |= near & cv::Scalar(1 << k);
+  }
+  return around;
 }
 
-/// Cluster of each block that lies wholly inside one.
-cv::Mat block_homes(const cv::Mat& home, const DefectBlocks& blocks) {
-  const cv::Mat inner = away_from_borders(home);
-  cv::Mat out(blocks.size(), CV_8UC1, cv::Scalar(kNotPart));
+/// The same within kBorderCells; 0 where something that is in no cluster lies there, or another
+/// cluster within kMixedCells.
+cv::Mat clear_clusters_around(const cv::Mat& home) {
+  cv::Mat around = clusters_around(home, kBorderCells);
+  const cv::Mat close = clusters_around(home, kMixedCells);
+  constexpr int kSide = 2 * kBorderCells + 1;
+  cv::Mat off;
+  cv::dilate(home >= kMostClusters, off, cv::getStructuringElement(cv::MORPH_RECT, {kSide, kSide}));
+  around.setTo(0, off | ((close & (close - 1)) != 0));
+  return around;
+}
+
+/// The one or two clusters that a block sees; `beside` is kNotPart where it is one, both where it
+/// is none or more.
+struct BlockClusters {
+  cv::Mat home;    ///< CV_8UC1
+  cv::Mat beside;  ///< CV_8UC1
+};
+
+BlockClusters block_clusters(const cv::Mat& home, const DefectBlocks& blocks) {
+  const cv::Mat around = clear_clusters_around(home);
+  const cv::Mat none(blocks.size(), CV_8UC1, cv::Scalar(kNotPart));
+  BlockClusters out{none.clone(), none.clone()};
   const int n = blocks.side();
-  for (int v = 0; v < out.rows; ++v) {
-    for (int u = 0; u < out.cols; ++u) {
-      const cv::Rect cells(u * n, v * n, n, n);
+  for (int v = 0; v < none.rows; ++v) {
+    for (int u = 0; u < none.cols; ++u) {
+      unsigned seen = 0;
       bool whole = true;
-      for (int y = cells.y; y < cells.y + n && whole; ++y) {
-        const auto* row = inner.ptr<unsigned char>(y) + cells.x;
-        whole = std::all_of(row, row + n, [](unsigned char c) { return c != 0; });
+      for (int y = v * n; y < (v + 1) * n; ++y) {
+        const auto* row = around.ptr<unsigned char>(y) + std::ptrdiff_t{u} * n;
+        for (int x = 0; x < n; ++x) {
+          seen |= row[x];
+          whole = whole && row[x] != 0;
+        }
       }
-      if (whole) out.at<unsigned char>(v, u) = home.at<unsigned char>(cells.y, cells.x);
+      if (!whole || std::popcount(seen) > 2) continue;
+      const int first = std::countr_zero(seen);
+      out.home.at<unsigned char>(v, u) = static_cast<unsigned char>(first);
+      if (std::popcount(seen) < 2) continue;
+      out.beside.at<unsigned char>(v, u) =
+          static_cast<unsigned char>(std::countr_zero(seen & (seen - 1)));
     }
   }
   return out;
@@ -94,56 +139,132 @@ float floored_log(double f) {
   return static_cast<float>(std::log(std::max(f, 0.0) + kLogFloor));
 }
 
+/// A part's residuals against its materials, or, along a border, against a mixture of the two
+/// materials there: of a little of the other one, which nothing else tells.
 class Residuals {
  public:
   Residuals(const std::vector<Reflectance>& r, const DefectBlocks& blocks, const PartPose& pose,
             const std::vector<BrdfPtr>& materials)
       : r_(r), blocks_(blocks), pose_(pose), materials_(materials) {}
 
-  DefectEvidence::Light of_light(std::size_t light, const cv::Mat& home) const {
-    const int channels = r_[light].value.channels();
+  /// Fills lights and home.
+  void fill(DefectEvidence& out, const BlockClusters& clusters) const {
+    const int channels = r_.front().value.channels();
     const cv::Size size = blocks_.size();
-    DefectEvidence::Light out{cv::Mat::zeros(size, CV_32FC(channels)),
-                              cv::Mat::zeros(size, CV_32FC(channels)),
-                              cv::Mat::zeros(size, CV_32FC1), cv::Mat::zeros(size, CV_32FC1)};
+    out.home = cv::Mat(size, CV_8UC1, cv::Scalar(kNotPart));
+    for (std::size_t light = 0; light < r_.size(); ++light) {
+      out.lights.push_back({cv::Mat::zeros(size, CV_32FC(channels)),
+                            cv::Mat::zeros(size, CV_32FC(channels)), cv::Mat::zeros(size, CV_32FC1),
+                            cv::Mat::zeros(size, CV_32FC1)});
+    }
     parallel_for_each(size.height, [&](int v) {
       for (int u = 0; u < size.width; ++u) {
-        const std::size_t cluster = home.at<unsigned char>(v, u);
-        if (cluster < materials_.size() && materials_[cluster])
-          fill(out, light, {u, v}, *materials_[cluster]);
+        const int home = clusters.home.at<unsigned char>(v, u);
+        const int beside = clusters.beside.at<unsigned char>(v, u);
+        if (!known(home) || (beside != kNotPart && !known(beside))) continue;
+        fill_block(out, {u, v}, home, beside);
       }
     });
-    return out;
   }
 
  private:
-  void fill(DefectEvidence::Light& out, std::size_t light, const cv::Point& at,
-            const Brdf& material) const {
+  /// A block under one light.
+  struct Seen {
+    bool valid = false;
+    Rgb f = Rgb::Zero();         ///< as the part's pose has it
+    Rgb variance = Rgb::Zero();  ///< of that
+    HalfDiff angles;
+  };
+  /// Materials at a border; `second` only there, in the share 1 - `share`.
+  struct Mixture {
+    const Brdf& first;
+    const Brdf* second = nullptr;
+    double share = 1;
+
+    Rgb eval(const HalfDiff& angles) const {
+      const Rgb f = first.eval(angles);
+      return second == nullptr ? f : Rgb(share * f + (1 - share) * second->eval(angles));
+    }
+    /// What an error of the share makes of that.
+    Rgb open(const HalfDiff& angles, double error) const {
+      if (second == nullptr) return Rgb::Zero();
+      return error * (first.eval(angles) - second->eval(angles));
+    }
+  };
+
+  bool known(int cluster) const {
+    return cluster < std::ssize(materials_) && materials_[std::size_t(cluster)] != nullptr;
+  }
+
+  Seen see(std::size_t light, const cv::Point& at) const {
     const Reflectance& r = r_[light];
-    const int n = blocks_.side(), channels = r.value.channels();
-    std::array<float, 3> f{}, variance{};
+    const int n = blocks_.side();
     const cv::Rect cells(at.x * n, at.y * n, n, n);
-    if (!(channels == 1 ? block_mean<1>(r, cells, f, variance)
-                        : block_mean<3>(r, cells, f, variance)))
-      return;
+    std::array<float, 3> f{}, variance{};
+    Seen out;
+    out.valid = r.value.channels() == 1 ? block_mean<1>(r, cells, f, variance)
+                                        : block_mean<3>(r, cells, f, variance);
     const Sightline sight = blocks_.sightline(light, at);
-    const HalfDiff angles = sight.angles(pose_);
-    const Rgb expected = material.eval(angles);
+    out.angles = sight.angles(pose_);
     const double gain =
         pose_.none() ? 1 : sight.irradiance(PartPose{}) / std::max(1e-12, sight.irradiance(pose_));
-    auto* d = out.residual.ptr<float>(at.y) + at.x * channels;
-    auto* var = out.variance.ptr<float>(at.y) + at.x * channels;
+    out.f = gain * Rgb(f[0], f[1], f[2]);
+    out.variance = gain * gain * Rgb(variance[0], variance[1], variance[2]);
+    return out;
+  }
+
+  /// Share of the first of two materials in what the diffuse light shows, p a + q b by least
+  /// squares of the relative error: a stain darkens both, so that p + q is held near 1 only weakly,
+  /// for materials whose mixtures differ in nothing else.
+  double share_of_first(const Seen& diffuse, const Brdf& first, const Brdf& second) const {
+    const Rgb a = first.eval(diffuse.angles), b = second.eval(diffuse.angles);
+    Eigen::Matrix2d normal = Eigen::Matrix2d::Constant(kWholeWeight);
+    Eigen::Vector2d right = Eigen::Vector2d::Constant(kWholeWeight);
+    for (int c = 0; c < r_.front().value.channels(); ++c) {
+      const double level = (a[c] + b[c]) / 2 + kLogFloor;
+      const Eigen::Vector2d row = Eigen::Vector2d(a[c], b[c]) / level;
+      normal += row * row.transpose();
+      right += row * diffuse.f[c] / level;
+    }
+    normal.diagonal().array() += kAlikeWeight;
+    const Eigen::Vector2d parts = (normal.inverse() * right).cwiseMax(0);
+    return parts.sum() > 0 ? parts[0] / parts.sum() : 0.5;
+  }
+
+  void fill_block(DefectEvidence& out, const cv::Point& at, int home, int beside) const {
+    std::vector<Seen> seen;
+    for (std::size_t light = 0; light < r_.size(); ++light)
+      seen.push_back(see(light, at));
+    Mixture mixture{*materials_[std::size_t(home)]};
+    if (beside != kNotPart) {
+      mixture.second = materials_[std::size_t(beside)].get();
+      mixture.share = share_of_first(seen[std::min<std::size_t>(1, seen.size() - 1)], mixture.first,
+                                     *mixture.second);
+      if (std::max(mixture.share, 1 - mixture.share) < kLeastShareOfOne) return;
+    }
+    out.home.at<unsigned char>(at) =
+        static_cast<unsigned char>(mixture.share < 0.5 ? beside : home);
+    for (std::size_t light = 0; light < r_.size(); ++light)
+      if (seen[light].valid) fill_light(out.lights[light], at, seen[light], mixture);
+  }
+
+  void fill_light(DefectEvidence::Light& out, const cv::Point& at, const Seen& seen,
+                  const Mixture& mixture) const {
+    const int channels = out.residual.channels();
+    const Rgb expected = mixture.eval(seen.angles);
+    const Rgb open = mixture.open(seen.angles, kColourShareSigma / blocks_.side());
+    auto* d = out.residual.ptr<float>(at.y) + std::ptrdiff_t{at.x} * channels;
+    auto* var = out.variance.ptr<float>(at.y) + std::ptrdiff_t{at.x} * channels;
     for (int c = 0; c < channels; ++c) {
-      const double seen = f[c] * gain;
-      const double level = std::max(seen, 0.0) + kLogFloor;
-      d[c] = floored_log(seen) - floored_log(expected[c]);
-      var[c] = static_cast<float>(variance[c] * gain * gain / (level * level));
+      const double level = std::max(seen.f[c], 0.0) + kLogFloor;
+      const double share = open[c] / (expected[c] + kLogFloor);
+      d[c] = floored_log(seen.f[c]) - floored_log(expected[c]);
+      var[c] = static_cast<float>(seen.variance[c] / (level * level) + share * share);
     }
     out.use.at<float>(at) = 1;
-    HalfDiff beside = angles;
+    HalfDiff beside = seen.angles;
     beside.theta_h += kPoseSigma;
-    const Rgb moved = material.eval(beside);
-    const float slope = floored_log(moved.mean()) - floored_log(expected.mean());
+    const float slope = floored_log(mixture.eval(beside).mean()) - floored_log(expected.mean());
     out.floor.at<float>(at) = slope * slope;
   }
 
@@ -309,12 +430,10 @@ DefectEvidence defect_evidence(const std::vector<Reflectance>& r, const cv::Mat&
     throw InputError("defects", "labels and reflectance of different sizes", "one size");
   }
   DefectEvidence out;
-  out.home = block_homes(home, blocks);
-  const Residuals residuals(r, blocks, pose, materials);
-  for (std::size_t light = 0; light < r.size(); ++light) {
-    out.lights.push_back(residuals.of_light(light, out.home));
+  Residuals(r, blocks, pose, materials).fill(out, block_clusters(home, blocks));
+  for (DefectEvidence::Light& light : out.lights) {
     for (std::size_t k = 0; k < materials.size(); ++k)
-      take_background(out.lights.back(), out.home, static_cast<int>(k), blocks.span(kBackgroundMm));
+      take_background(light, out.home, static_cast<int>(k), blocks.span(kBackgroundMm));
   }
   return out;
 }

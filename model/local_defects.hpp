@@ -37,7 +37,7 @@ struct DefectEvidence {
     cv::Mat floor;     ///< CV_32FC1: variance that a small error of the pose leaves
   };
   std::vector<Light> lights;
-  cv::Mat home;  ///< CV_8UC1: cluster of each block, kNotPart where it is on none or on a border
+  cv::Mat home;  ///< CV_8UC1: cluster of each block, kNotPart where it is on none or mixed
 };
 
 /// Where blocks lie and what each of them sees.

@@ -153,6 +153,39 @@ TEST_CASE("Borders between materials are not defects") {
   CHECK(find_defects(evidence(part, taught), blocks(), {}, taught, {}).empty());
 }
 
+TEST_CASE("Across a border between materials a stain is found, labels that err are none") {
+  const std::vector<BrdfPtr> taught{satin(0.2), matte({0.6, 0.1, 0.1})};
+  const double stain_mm = 2 * std::sqrt(0.001 * 80 * 80 / std::numbers::pi);
+  constexpr double kDisc = 30, kX = 5, kY = 4;  // mm
+  const auto seen_with = [&](const SyntheticPart& part, const SyntheticPart& labels) {
+    return defect_evidence(render(station(), part), home_labels(regions_of(labels)), blocks(), {},
+                           taught);
+  };
+  std::vector<DefectEvidence> good;
+  for (unsigned seed = 0; seed < 12; ++seed) {
+    SyntheticPart part = with_patch(taught[1], kX + 0.04 * seed, kY - 0.04 * seed, kDisc);
+    part.seed = seed;
+    good.push_back(seen_with(part, part));
+  }
+  const DefectReference limits = teach_defects(good, blocks(), 0.001);
+  for (int i = 0; i < 12; ++i) {
+    // Labels are half a millimetre off, a cell or two, one way or the other.
+    const SyntheticPart labels = with_patch(taught[1], kX, kY, kDisc + (i % 2 == 0 ? 1 : -1));
+    SyntheticPart part = with_patch(taught[1], kX, kY, kDisc);
+    part.seed = 900 + static_cast<unsigned>(i);
+    CHECK(find_defects(seen_with(part, labels), blocks(), limits, taught, {}).empty());
+    const double angle = 2 * std::numbers::pi * i / 12;
+    const double x = kX + kDisc / 2 * std::cos(angle), y = kY + kDisc / 2 * std::sin(angle);
+    part.change = spot({x, y, stain_mm, Rgb::Constant(0.5)});
+    const std::vector<Defect> defects =
+        find_defects(seen_with(part, labels), blocks(), limits, taught, {});
+    CAPTURE(i, x, y);
+    REQUIRE(defects.size() == 1);
+    CHECK(std::hypot(defects[0].at_mm[0] - x, defects[0].at_mm[1] - y) < 0.8);
+    CHECK(defects[0].kind == "darker");
+  }
+}
+
 TEST_CASE("A stain that looks like another taught material is told from it by the taught layout") {
   SyntheticPart part = with_patch(satin(0.1), 10, 10, 6);
   const Regions mistaken = regions_of(part);  // label 1 where the stain is

@@ -16,6 +16,10 @@ constexpr double kForeignShare = 0.10;
 /// A strict recipe needs this many parts; fewer teach with a warning.
 constexpr int kStrictParts = 10;
 
+/// With fewer than this many times the bins that judging takes, a move within range may take too
+/// many of them: 4 mm and 4 degrees took a quarter of a disc's.
+constexpr double kRoomForMoves = 1.5;
+
 void require_usable(const std::string& name, const Inspection& seen) {
   // The same reason as a missing recipe's, but no part may be taught under a drifted lamp.
   for (const std::string& text : drifted_lamps(seen.facts))
@@ -42,6 +46,15 @@ void add_warnings(Recipe& recipe) {
                      " part(s); a strict recipe needs " + std::to_string(kStrictParts);
   if (recipe.parts < 3) text += "; part-to-part variation is the configured floor, not measured";
   recipe.warnings.push_back(std::move(text));
+}
+
+void warn_of_few_bins(const std::string& cluster, std::size_t bins, Recipe& recipe) {
+  const int needed = recipe.settings.min_bins;
+  if (static_cast<double>(bins) >= kRoomForMoves * needed) return;
+  recipe.warnings.push_back("cluster '" + cluster + "' was seen in " + std::to_string(bins) +
+                            " angular bins and it takes " + std::to_string(needed) +
+                            " to judge it: a part that lies elsewhere within range may show fewer "
+                            "and is then not judged (coverage)");
 }
 
 std::string outlying_text(const std::string& part, const std::string& cluster,
@@ -153,6 +166,7 @@ Recipe Teacher::recipe(const std::string& name, int id) const {
     taught.directions = std::move(observed.directions);
     for (const OutlyingPart& part : outlying_parts(observed.parts, taught, recipe.settings))
       recipe.warnings.push_back(outlying_text(names_[std::size_t(part.part)], cluster_name, part));
+    warn_of_few_bins(cluster_name, taught.directions.frame.id.size(), recipe);
     taught.name = cluster_name;
     taught.mean = weight_sums_[i] / double(parts_);
     for (const TeachSample& part : samples_[i])

@@ -256,6 +256,14 @@ class BadInput(Refused):
         self.assertEqual(len(warning), 1, taught["warnings"])
         self.assertIn("cluster 'region 1' is too small or too one-sided to see a highlight", warning[0])
 
+    def test_a_cluster_that_a_move_may_take_out_of_judgement_is_named(self):
+        taught = BENCH.json("teach", "--config", BENCH.station, "--from", self.patched(17), "--out", WORK / "small.yaml")
+        warning = [w for w in taught["warnings"] if "not judged (coverage)" in w]
+        self.assertEqual(len(warning), 1, taught["warnings"])
+        self.assertRegex(warning[0], r"cluster 'region 1' was seen in 2\d angular bins and it takes 20 to judge it")
+        roomy = BENCH.json("teach", "--config", BENCH.station, "--from", self.patched(40), "--out", WORK / "roomy.yaml")
+        self.assertFalse([w for w in roomy["warnings"] if "coverage" in w and "not judged" in w], roomy["warnings"])
+
     def test_a_cluster_too_small_to_be_judged_is_refused(self):
         self.refused("teach", "--config", BENCH.station, "--from", self.patched(14), "--out", WORK / "none.yaml",
                      says=["cluster 1 covers only", "angular bins; expected 20 or more"])

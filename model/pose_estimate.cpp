@@ -24,6 +24,12 @@ constexpr double kPoseError = 0.2;
 constexpr double kReferenceRows = 298;
 /// Leading components in the fit.
 constexpr Index kPoseComponents = 30;
+/// What a value counts with in the stated covariance, in place of the fit's own error squared: this
+/// share of it, and the residuals' mean square times the rest per channel. A material unlike the
+/// basis leaves more residual than one like it, and neighbouring directions and the channels of one
+/// material err alike. Two deviations then hold 93 to 96 % of the tilts (docs/accuracy.md).
+constexpr double kErrorShare = 0.25;
+constexpr double kErrsAlike = 64.0 / 3;
 
 using Parameters = Eigen::Vector3d;  // tilt_x, tilt_y, height in units of their prior deviations
 
@@ -183,6 +189,19 @@ Fit refine(const PoseProblem& problem, Fit fit) {
   return fit;
 }
 
+/// Of the parameters: the prior, and the data as far as the residuals say that they can be
+/// believed.
+Eigen::Matrix3d covariance_of(const PoseProblem& problem, const Fit& fit, Index values,
+                              Index channels) {
+  const double mean_square = fit.residuals.head(values).squaredNorm() / double(values);
+  const double growth = kErrorShare + kErrsAlike * double(channels) * mean_square;
+  Eigen::Matrix3d information = linearise(problem, fit).matrix;
+  const Eigen::Matrix3d prior = Eigen::Matrix3d::Identity();  // a parameter held at 0 stays there
+  information = (information - prior) / growth + prior;
+  const auto scale = problem.scale().asDiagonal();
+  return scale * information.inverse() * scale;
+}
+
 void check(const PoseSamples& samples, const PosePrior& prior) {
   if (samples.lines.empty() || samples.f.rows() != static_cast<Index>(samples.lines.size())) {
     throw InputError("pose samples",
@@ -204,10 +223,9 @@ PoseEstimate estimate_pose(const Basis& basis, const PoseSamples& samples, const
   check(samples, prior);
   const PoseProblem problem(basis, samples, prior);
   const Fit fit = refine(problem, best_start(problem, samples));
-  const Eigen::Matrix3d inverse = linearise(problem, fit).matrix.inverse();
   PoseEstimate estimate;
   estimate.pose = problem.pose(fit.p);
-  estimate.covariance = problem.scale().asDiagonal() * inverse * problem.scale().asDiagonal();
+  estimate.covariance = covariance_of(problem, fit, samples.f.size(), samples.f.cols());
   return estimate;
 }
 

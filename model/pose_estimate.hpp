@@ -39,6 +39,8 @@ struct PoseEstimate {
 /// projection, Golub and Pereyra 1973), Levenberg's steps from the best of a few starts: as taught,
 /// where the brightest samples would be the mirror direction, and around. The leading weights do.
 /// Where nothing tells the pose, it stays at the prior's mean and the covariance is the prior's.
+/// The covariance is the posterior's with an error per value that the residuals tell (as in
+/// chi-square per degree of freedom), grown because they are not independent.
 /// Throws InputError where samples are empty or of different sizes, or a prior is negative.
 PoseEstimate estimate_pose(const Basis& basis, const PoseSamples& samples, const PosePrior& prior);
 

@@ -112,6 +112,22 @@ TEST_CASE("a matte part says little of its tilt: the sigma stays near the fixtur
   CHECK(std::sqrt(found.covariance(0, 0)) < 0.61 * kDegree);
 }
 
+TEST_CASE("what no material of the basis shows widens the stated tilt") {
+  const auto basis = small_basis();
+  const PosePrior prior{0.6 * kDegree, 0};
+  const PoseSamples good = seen(*glossy(), {0.5 * kDegree, 0, 0});
+  const Eigen::Matrix3d plain = estimate_pose(*basis, good, prior).covariance;
+  PoseSamples strange = good;
+  for (Eigen::Index j = 0; j < strange.f.rows(); ++j)
+    strange.f.row(j) *= j % 2 == 0 ? 1.3 : 1 / 1.3;
+  const Eigen::Matrix3d wide = estimate_pose(*basis, strange, prior).covariance;
+  for (Eigen::Index i = 0; i < 2; ++i) {
+    CAPTURE(i);
+    CHECK(wide(i, i) > 4 * plain(i, i));
+    CHECK(std::sqrt(wide(i, i)) < 0.61 * kDegree);
+  }
+}
+
 TEST_CASE("pose samples that fit nothing are refused") {
   const auto basis = small_basis();
   PoseSamples good = seen(*glossy(), {});

@@ -29,10 +29,11 @@ constexpr double kMisfitQuantile = 0.99;
 /// Within the basis' span a grid and rounding leave less: no scale of the posterior is smaller.
 constexpr double kLeastMisfitWithin = 0.01;
 
-/// Matern 3/2 with length 2, for squared distances.
+/// Matern 3/2 for squared distances.
 void add_matern(const Eigen::Ref<const Eigen::MatrixXf>& squared, Eigen::Ref<Eigen::MatrixXf> sum) {
+  constexpr auto kScale = static_cast<float>(3 / (kKernel.length * kKernel.length));
   for (Index j = 0; j < squared.cols(); ++j) {
-    const Eigen::ArrayXf s = (0.75F * squared.col(j).array().max(0.0F)).sqrt();
+    const Eigen::ArrayXf s = (kScale * squared.col(j).array().max(0.0F)).sqrt();
     sum.col(j).array() += (1.0F / 3) * (1 + s) * (-s).exp();
   }
 }

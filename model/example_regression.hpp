@@ -5,7 +5,7 @@
 // into features: their principal components over the examples, within what the basis can say at the
 // directions. Two materials are alike by the kernel
 //     k(a, b) = 1 + <a, b>_1 + 1/3 sum_j M(|a - b|_j)
-//     M(d) = (1 + s) exp(-s), s = sqrt(3) d / 2 (Matern 3/2)
+//     M(d) = (1 + s) exp(-s), s = sqrt(3) d / 2 (Matern 3/2 of length 2)
 // where |.|_j, j = 0, 1, 2, weights the features ever more evenly: from the lobe that dominates the
 // variance to details that tell materials apart. Features that errors of single observations reach
 // are damped as Wiener's filter does, so that few directions are not believed in every detail. The
@@ -35,6 +35,7 @@ namespace brdfgate {
 /// (docs/decisions). In one place, so that the tests' simple form has the same.
 struct ExampleKernel {
   float linear = 0.3F;
+  double length = 2;  ///< of the Matern part
   /// A feature of relative deviation r counts r^(2 (e - 1)) in squared norms.
   std::array<double, 3> norm_exponents{1.0, 0.85, 0.6};
   double least_deviation = 1e-3;  ///< of a feature, relative to the first

@@ -2,7 +2,8 @@
 // reconstruction, what a tilted part or a few bad bins do to it, and whether the stated uncertainty
 // holds.
 //
-//   rig_study BASIS MODE FILE.binary...    MODE: error | tilt | coverage | outliers
+//   rig_study BASIS MODE FILE.binary...    MODE: error | tilt | inspected | coverage | outliers |
+//                                          kernels
 //
 // One JSON object a material on stdout. tests/rig_accuracy builds the bases and makes the tables.
 #include <fmt/core.h>
@@ -11,12 +12,14 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <numeric>
 #include <optional>
 #include <random>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "model/canonical.hpp"
@@ -27,6 +30,9 @@
 #include "model/pose_estimate.hpp"
 #include "model/reading_rows.hpp"
 #include "model/readings.hpp"
+#include "model/regions.hpp"
+#include "support/simple_regression.hpp"
+#include "support/synthetic_part.hpp"
 
 namespace {
 
@@ -41,10 +47,12 @@ Eigen::Vector3d in_plane(double deg) {
   return {std::sin(deg * kDegree), 0, std::cos(deg * kDegree)};
 }
 
+constexpr int kLattice = 15;
+const double kRadius = std::tan(12.5 * kDegree);  // m, of what the camera sees from 1 m
+const double kStep = 2 * kRadius / (kLattice - 1);
+
 /// Sightlines of the literature's rig, light after light; the camera is 1 m away.
 std::vector<Sightline> rig() {
-  constexpr int kLattice = 15;
-  const double radius = std::tan(12.5 * kDegree);
   const Eigen::Vector3d eye = in_plane(55);
   std::vector<Sightline> lines;
   for (const double light : {-55.0, 20.0}) {
@@ -52,9 +60,9 @@ std::vector<Sightline> rig() {
     at.head<3>() = in_plane(light);
     for (int j = 0; j < kLattice; ++j) {
       for (int i = 0; i < kLattice; ++i) {
-        const double x = radius * (2.0 * i / (kLattice - 1) - 1);
-        const double y = radius * (2.0 * j / (kLattice - 1) - 1);
-        if (x * x + y * y <= radius * radius * (1 + 1e-12)) lines.push_back({eye, {x, y, 0}, at});
+        const double x = kRadius * (2.0 * i / (kLattice - 1) - 1);
+        const double y = kRadius * (2.0 * j / (kLattice - 1) - 1);
+        if (x * x + y * y <= kRadius * kRadius * (1 + 1e-12)) lines.push_back({eye, {x, y, 0}, at});
       }
     }
   }
@@ -140,14 +148,56 @@ Eigen::MatrixXd as_taught(const std::vector<Sightline>& lines, const PartPose& p
   return f;
 }
 
+/// Kernels that were tried (docs/decisions): the product's, with one thing or two changed.
+std::vector<std::pair<std::string, ExampleKernel>> kernels() {
+  std::vector<std::pair<std::string, ExampleKernel>> out;
+  const auto add = [&](const std::string& name, const auto& change) {
+    for (const bool share : {false, true}) {
+      ExampleKernel k;
+      if (!share) k.ridge_share = 0;
+      change(k);
+      out.emplace_back(share ? name + ", a fifth of ridge" : name, k);
+    }
+  };
+  add("the product's", [](ExampleKernel&) {});
+  add("0011", [](ExampleKernel& k) {
+    k.norm_exponents = {1, 0.7, 0.3};
+    k.linear = 1;
+  });
+  add("0011, no damping", [](ExampleKernel& k) {
+    k.norm_exponents = {1, 0.7, 0.3};
+    k.linear = 1;
+    k.value_error = 0;
+  });
+  add("linear 0.1, no damping (0010)", [](ExampleKernel& k) {
+    k.linear = 0.1F;
+    k.value_error = 0;
+  });
+  add("linear 0.1", [](ExampleKernel& k) { k.linear = 0.1F; });
+  add("exponents 1, 0.95, 0.9", [](ExampleKernel& k) { k.norm_exponents = {1, 0.95, 0.9}; });
+  add("length 3", [](ExampleKernel& k) { k.length = 3; });
+  add("length 1.3", [](ExampleKernel& k) { k.length = 1.3; });
+  add("half the noise", [](ExampleKernel& k) {
+    k.measured_noise /= 2;
+    k.derived_noise /= 2;
+  });
+  add("twice the noise", [](ExampleKernel& k) {
+    k.measured_noise *= 2;
+    k.derived_noise *= 2;
+  });
+  return out;
+}
+
 struct Study {
   std::shared_ptr<const Basis> basis;
   Evaluation evaluation;
   std::shared_ptr<const Estimator> own;
+  std::shared_ptr<const Estimator> anywhere;  ///< the same, for directions that come once
   std::shared_ptr<const Estimator> papers;
   ReadingRows readings;
   std::vector<Sightline> lines = rig();
   mutable std::shared_ptr<const ExampleRegression> plain;  ///< trained when first needed
+  mutable std::vector<std::pair<std::string, test::SimpleRegression>> kernels;  ///< as `plain`
 };
 
 json error_of(const Study& s, const Brdf& brdf, const std::string&) {
@@ -158,12 +208,22 @@ json error_of(const Study& s, const Brdf& brdf, const std::string&) {
           {"least_squares", s.evaluation.error(truth, s.evaluation.best(truth))}};
 }
 
-/// Whether a highlight says anything, by its brightest sample over the off-peak light's median.
-bool highlight(const Eigen::MatrixXd& f) {
-  const Eigen::VectorXd grey = f.rowwise().mean();
-  Eigen::VectorXd off = grey.tail(f.rows() / 2);
+/// Whether a highlight says anything: the brightest value of the mirror light, which comes first,
+/// is over twice the other's median, and inside the view.
+/// @param reach  of the view from the centre of the plane, m: a peak beyond it may be the flank of
+///               one that is not seen
+bool highlight(const PoseSamples& seen, double reach) {
+  const Eigen::VectorXd grey = seen.f.rowwise().mean();
+  Index mirror = 0;
+  while (mirror < grey.size() &&
+         seen.lines[static_cast<std::size_t>(mirror)].light_W == seen.lines[0].light_W)
+    ++mirror;
+  Eigen::VectorXd off = grey.tail(grey.size() - mirror);
   std::nth_element(off.begin(), off.begin() + off.size() / 2, off.end());
-  return grey.head(f.rows() / 2).maxCoeff() > 2 * off[off.size() / 2];
+  Index brightest = 0;
+  const double peak = grey.head(mirror).maxCoeff(&brightest);
+  return peak > 2 * off[off.size() / 2] &&
+         seen.lines[static_cast<std::size_t>(brightest)].point_W.norm() < reach;
 }
 
 /// Squared distance of directions in units of MERL's axes, phi_d counting as far as it is defined.
@@ -177,9 +237,8 @@ double squared_distance(const HalfDiff& a, const HalfDiff& b) {
 }
 
 /// As the inspection does it: samples of a tilted part are told by their angles, not by their place
-/// in the image, which bin of the flat part they belong to, and are moved onto it; the estimator
-/// knows the flat part's directions alone.
-Weights estimate_on(const Study& s, const BinFrame& frame, const BinnedSamples& tilted) {
+/// in the image, which bin of the flat part they belong to.
+BinnedSamples assign(const BinFrame& frame, const BinnedSamples& tilted) {
   BinnedSamples assigned;
   for (std::size_t i = 0; i < frame.id.size(); ++i) {
     const auto nearest =
@@ -191,8 +250,7 @@ Weights estimate_on(const Study& s, const BinFrame& frame, const BinnedSamples& 
     assigned.bins.push_back(*nearest);
     assigned.bins.back().id = frame.id[i];
   }
-  const Weights linear = ridge(*s.basis, assigned);
-  return s.own->estimate(onto_frame(*s.basis, assigned, linear, frame));
+  return assigned;
 }
 
 /// RMS over the first 8 weights of all channels, prior deviations.
@@ -202,35 +260,144 @@ double moved(const Study& s, const Weights& a, const Weights& b) {
   return std::sqrt(d.squaredNorm() / double(d.size()));
 }
 
-json tilt_of(const Study& s, const Brdf& brdf, const std::string& name) {
-  constexpr int kTrials = 3;
-  std::mt19937_64 dice(std::hash<std::string>{}(name));
+/// What is seen of a part in some pose.
+struct TiltedPart {
+  PartPose pose;
+  PoseEstimate found;
+  bool highlight = false;
+  std::function<BinnedSamples(const PartPose&)> samples;       ///< taking it to lie so
+  std::function<BinnedSamples(const BinnedSamples&)> on_bins;  ///< by the flat part's ids
+};
+
+/// The flat part, which a tilted one is compared with.
+struct FlatPart {
+  BinFrame frame;
+  Weights weights;
+};
+
+json trial(const Study& s, const TiltedPart& part, const FlatPart& flat,
+           const Eigen::MatrixXd& truth) {
+  const auto estimate = [&](const PartPose& pose) {
+    const BinnedSamples assigned = part.on_bins(part.samples(pose));
+    return s.own->estimate(onto_frame(*s.basis, assigned, ridge(*s.basis, assigned), flat.frame));
+  };
+  const Weights w = estimate(part.found.pose);
+  const Weights anew = s.anywhere->estimate(part.samples(part.found.pose));
+  const PartPose& found = part.found.pose;
+  const Eigen::Matrix3d& covariance = part.found.covariance;
+  return {
+      {"tilt_deg", {part.pose.tilt_x / kDegree, part.pose.tilt_y / kDegree}},
+      {"found_deg", {found.tilt_x / kDegree, found.tilt_y / kDegree}},
+      {"sigma_deg", {std::sqrt(covariance(0, 0)) / kDegree, std::sqrt(covariance(1, 1)) / kDegree}},
+      {"highlight", part.highlight},
+      {"error", s.evaluation.error(truth, w.c)},
+      {"ignored", s.evaluation.error(truth, s.papers->estimate(part.samples({})).c)},
+      {"anew", s.evaluation.error(truth, anew.c)},
+      {"moved_anew", moved(s, anew, flat.weights)},
+      {"moved_told", moved(s, estimate(part.pose), flat.weights)},
+      {"weights_moved", moved(s, w, flat.weights)}};
+}
+
+/// The flat part under the same rig half a step of its lattice aside: what other places of the
+/// samples change when nothing is tilted and nothing has to be moved.
+json aside_of(const Study& s, const Brdf& brdf, const Weights& flat, const Eigen::MatrixXd& truth,
+              std::mt19937_64& dice) {
+  json out = json::array();
+  for (const Eigen::Vector3d& half :
+       {Eigen::Vector3d(kStep / 2, 0, 0), Eigen::Vector3d(0, kStep / 2, 0),
+        Eigen::Vector3d(kStep / 2, kStep / 2, 0)}) {
+    std::vector<Sightline> lines = s.lines;
+    for (Sightline& line : lines)
+      line.point_W += half;
+    const Weights w =
+        s.anywhere->estimate(to_samples(lines, {}, observe(brdf, lines, {}, &dice), kRowNoise));
+    out.push_back({{"error", s.evaluation.error(truth, w.c)}, {"moved", moved(s, w, flat)}});
+  }
+  return out;
+}
+
+constexpr int kTrials = 3;
+
+PartPose random_pose(std::mt19937_64& dice) {
   std::uniform_real_distribution<double> uniform(-1 * kDegree, 1 * kDegree);
+  const double x = uniform(dice);
+  return {x, uniform(dice), 0};
+}
+
+json tilt_of(const Study& s, const Brdf& brdf, const std::string& name) {
+  std::mt19937_64 dice(std::hash<std::string>{}(name));
   const Eigen::MatrixXd truth = s.evaluation.truth(brdf);
-  const auto flat_samples = to_samples(s.lines, {}, observe(brdf, s.lines, {}, &dice), kRowNoise);
-  const BinFrame frame = frame_of(flat_samples);
-  const Weights flat = s.own->estimate(flat_samples);
+  const auto samples = to_samples(s.lines, {}, observe(brdf, s.lines, {}, &dice), kRowNoise);
+  const FlatPart flat{frame_of(samples), s.own->estimate(samples)};
   json trials = json::array();
   for (int i = 0; i < kTrials; ++i) {
-    const PartPose pose{uniform(dice), uniform(dice), 0};
-    const Eigen::MatrixXd f = observe(brdf, s.lines, pose, &dice);
-    const PoseEstimate found =
-        estimate_pose(*s.basis, {s.lines, as_taught(s.lines, pose, f)}, {0.6 * kDegree, 0});
-    const Weights w = estimate_on(s, frame, to_samples(s.lines, found.pose, f, kRowNoise));
-    const Weights told = estimate_on(s, frame, to_samples(s.lines, pose, f, kRowNoise));
-    trials.push_back({{"tilt_deg", {pose.tilt_x / kDegree, pose.tilt_y / kDegree}},
-                      {"found_deg", {found.pose.tilt_x / kDegree, found.pose.tilt_y / kDegree}},
-                      {"sigma_deg",
-                       {std::sqrt(found.covariance(0, 0)) / kDegree,
-                        std::sqrt(found.covariance(1, 1)) / kDegree}},
-                      {"highlight", highlight(f)},
-                      {"error", s.evaluation.error(truth, w.c)},
-                      {"ignored", s.evaluation.error(
-                                      truth, s.papers->estimate(to_samples(s.lines, {}, f, 0)).c)},
-                      {"moved_told", moved(s, told, flat)},
-                      {"weights_moved", moved(s, w, flat)}});
+    TiltedPart part;
+    part.pose = random_pose(dice);
+    const Eigen::MatrixXd f = observe(brdf, s.lines, part.pose, &dice);
+    const PoseSamples seen{s.lines, as_taught(s.lines, part.pose, f)};
+    part.found = estimate_pose(*s.basis, seen, {0.6 * kDegree, 0});
+    part.highlight = highlight({s.lines, f}, kRadius - kStep / 2);
+    part.samples = [&](const PartPose& pose) { return to_samples(s.lines, pose, f, kRowNoise); };
+    part.on_bins = [&](const BinnedSamples& tilted) { return assign(flat.frame, tilted); };
+    trials.push_back(trial(s, part, flat, truth));
   }
-  return {{"flat", s.evaluation.error(truth, flat.c)}, {"trials", trials}};
+  return {{"flat", s.evaluation.error(truth, flat.weights.c)},
+          {"trials", trials},
+          {"aside", aside_of(s, brdf, flat.weights, truth, dice)}};
+}
+
+/// The same as an inspection samples: cells of the default station's image, averaged in its bins.
+json inspected_of(const Study& s, const Brdf& brdf, const std::string& name) {
+  static const test::SyntheticStation station(182, 136);
+  constexpr double kReach = 0.036;  // m, of a part of 80 mm
+  std::mt19937_64 dice(std::hash<std::string>{}(name));
+  const Eigen::MatrixXd truth = s.evaluation.truth(brdf);
+  const Regions regions{test::true_labels(station, test::plain_part), 1, 1};
+  const cv::Mat body = regions.label == 0;
+  test::SyntheticPart scene;
+  scene.materials = {BrdfPtr(BrdfPtr(), &brdf)};
+  const auto look = [&](const PartPose& pose) {
+    scene.pose = pose;
+    scene.seed = static_cast<unsigned>(dice());
+    return test::render(station, scene);
+  };
+  const BinnedSamples samples = bin_all(look({}), station.map, regions).front();
+  const FlatPart flat{frame_of(samples), s.own->estimate(samples)};
+  json trials = json::array();
+  for (int i = 0; i < kTrials; ++i) {
+    TiltedPart part;
+    part.pose = random_pose(dice);
+    const std::vector<Reflectance> r = look(part.pose);
+    const PoseSamples seen = pose_samples(r, station.geometry, station.map.cells, body);
+    part.found = estimate_pose(*s.basis, seen, {0.6 * kDegree, 0});
+    part.highlight = highlight(seen, kReach);
+    part.samples = [&](const PartPose& pose) {
+      return bin_all(r, station.map, regions, {station.geometry, pose}).front();
+    };
+    part.on_bins = [](const BinnedSamples& tilted) { return tilted; };
+    trials.push_back(trial(s, part, flat, truth));
+  }
+  return {{"flat", s.evaluation.error(truth, flat.weights.c)}, {"trials", trials}};
+}
+
+/// The error with other kernels than the product's, by the tests' simple form of it.
+json kernels_of(const Study& s, const Brdf& brdf, const std::string&) {
+  const Eigen::MatrixXd truth = s.evaluation.truth(brdf);
+  const auto samples = to_samples(s.lines, {}, observe(brdf, s.lines, {}, nullptr), 0);
+  const BasisRows rows = s.basis->rows(samples.directions());
+  const Eigen::MatrixXd x = centred(samples, rows);
+  if (s.kernels.empty()) {
+    for (const auto& [name, kernel] : kernels())
+      s.kernels.emplace_back(name, test::SimpleRegression(*s.basis, samples.directions(), kernel));
+  }
+  json out;
+  for (const auto& [name, regression] : s.kernels) {
+    Eigen::MatrixXd c(rows.q.cols(), x.cols());
+    for (Index channel = 0; channel < x.cols(); ++channel)
+      c.col(channel) = regression.mean(x.col(channel));
+    out.push_back({name, s.evaluation.error(truth, c)});
+  }
+  return {{"kernels", out}};
 }
 
 /// What 3 % of the bins off by a factor of 3 do, in all channels: dust or a glint.
@@ -422,22 +589,28 @@ json coverage_of(const Study& s, const Brdf& brdf, const std::string& name) {
 
 int main(int argc, char** argv) {
   if (argc < 4) {
-    fmt::print(stderr, "usage: rig_study BASIS error|tilt|coverage|outliers FILE.binary...\n");
+    fmt::print(
+        stderr,
+        "usage: rig_study BASIS error|tilt|inspected|coverage|outliers|kernels FILE.binary...\n");
     return 2;
   }
   const auto basis = Basis::open(argv[1]);
   const Study study{basis,
                     Evaluation(*basis),
                     make_estimator({"gp"}, basis),
+                    make_estimator({"gp"}, basis),
                     make_estimator({"ridge"}, basis),
                     ReadingRows(basis),
                     rig(),
-                    nullptr};
+                    nullptr,
+                    {}};
   const std::string mode = argv[2];
-  const auto measure = mode == "tilt"       ? tilt_of
-                       : mode == "coverage" ? coverage_of
-                       : mode == "outliers" ? outliers_of
-                                            : error_of;
+  const auto measure = mode == "tilt"        ? tilt_of
+                       : mode == "inspected" ? inspected_of
+                       : mode == "kernels"   ? kernels_of
+                       : mode == "coverage"  ? coverage_of
+                       : mode == "outliers"  ? outliers_of
+                                             : error_of;
   for (int i = 3; i < argc; ++i) {
     const std::string name = std::filesystem::path(argv[i]).stem();
     json line{{"name", name}};

@@ -16,7 +16,9 @@ namespace brdfgate::test {
 
 class SimpleRegression {
  public:
-  SimpleRegression(const Basis& basis, const std::vector<HalfDiff>& directions) {
+  SimpleRegression(const Basis& basis, const std::vector<HalfDiff>& directions,
+                   const ExampleKernel& constants = {})
+      : constants_(constants) {
     const Eigen::MatrixXd x = example_rows(basis, directions);
     const Eigen::MatrixXd q = basis.rows(directions).q;
     make_projection(q, x);
@@ -58,12 +60,14 @@ class SimpleRegression {
     const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(inside * inside.transpose() /
                                                                 double(x.cols()));
     projection_.resize(count, x.rows());
-    relative_.resize(count);
+    weight_.resize(count, 3);
     for (Eigen::Index i = 0; i < count; ++i) {
       const Eigen::Index at = count - 1 - i;
       const double variance = std::max(0.0, solver.eigenvalues()[at]);
       const double most = solver.eigenvalues()[count - 1];
-      relative_[i] = std::max(constants_.least_deviation, std::sqrt(variance / most));
+      const double relative = std::max(constants_.least_deviation, std::sqrt(variance / most));
+      for (std::size_t j = 0; j < 3; ++j)
+        weight_(i, Eigen::Index(j)) = std::pow(relative, 2 * (constants_.norm_exponents[j] - 1));
       const double damping =
           variance / (variance + constants_.value_error * constants_.value_error / n);
       projection_.row(i) =
@@ -77,11 +81,11 @@ class SimpleRegression {
       double squared = 0;
       double product = 0;
       for (Eigen::Index i = 0; i < a.size(); ++i) {
-        const double weight = std::pow(relative_[i], 2 * (constants_.norm_exponents[j] - 1));
+        const double weight = weight_(i, Eigen::Index(j));
         squared += weight * (a[i] - b[i]) * (a[i] - b[i]);
         product += weight * a[i] * b[i];
       }
-      const double s = std::sqrt(3 * squared) / 2;
+      const double s = std::sqrt(3 * squared) / constants_.length;
       sum += (1 + s) * std::exp(-s) / 3;
       if (j == 1) sum += double(constants_.linear) * product;
     }
@@ -90,7 +94,7 @@ class SimpleRegression {
 
   ExampleKernel constants_;
   Eigen::MatrixXd projection_;
-  Eigen::VectorXd relative_;
+  Eigen::MatrixXd weight_;  ///< features x norms: of a feature's square
   std::vector<Eigen::VectorXd> examples_;
   Eigen::MatrixXd coefficients_;
   Eigen::MatrixXd ridge_gain_;

@@ -12,6 +12,7 @@
 
 #include "model/analytic.hpp"
 #include "model/geometry.hpp"
+#include "model/pose.hpp"
 #include "model/reflectance.hpp"
 #include "model/regions.hpp"
 
@@ -53,6 +54,9 @@ struct SyntheticPart {
   bool noise = true;
   /// Multiplies f at a point; empty: nothing.
   std::function<Rgb(double x_m, double y_m)> change;
+  /// How it lies. Regions stay where they are in the image; values are what the taught pose would
+  /// make of the light.
+  PartPose pose;
 };
 
 /// Noise of a 60 ms bracket on a 10,000 e- sensor: 1 % where an exposure is well filled, a few per
@@ -79,7 +83,16 @@ inline Rgb true_reflectance(const SyntheticStation& station, const SyntheticPart
   if (material == kNotPart) return part.fixture / std::numbers::pi;
   const auto a = station.map.cells.angles[light].at<cv::Vec3f>(at);
   const auto p = station.map.cells.position_m.at<cv::Vec2f>(at);
-  Rgb f = part.materials[material]->eval({a[0], a[1], a[2]});
+  Rgb f;
+  if (part.pose.none()) {
+    f = part.materials[material]->eval({a[0], a[1], a[2]});
+  } else {
+    Eigen::Vector4d light_W;
+    light_W << station.geometry.lights_W[light], 1;
+    const Sightline line{station.geometry.camera.position(), {p[0], p[1], 0}, light_W};
+    f = part.materials[material]->eval(line.angles(part.pose)) *
+        (line.irradiance(part.pose) / line.irradiance({}));
+  }
   if (part.change) f *= part.change(p[0], p[1]);
   return f;
 }

@@ -15,6 +15,8 @@
 #include "config/register_map.hpp"
 #include "hal/gpio/gpio_trigger.hpp"
 #include "model/error.hpp"
+#include "model/hash.hpp"
+#include "model/mapped_file.hpp"
 #include "model/reference_upkeep.hpp"
 
 namespace brdfgate {
@@ -86,9 +88,10 @@ Daemon::Daemon(const StationConfig& config, const std::filesystem::path& evidenc
   if (!counter_file_.warning().empty()) spdlog::warn("{}", counter_file_.warning());
   load_recipes();
   if (!evidence_dir.empty()) evidence_ = std::make_unique<EvidenceWriter>(evidence_dir, inspector_);
-  cycle_ = std::make_unique<InspectionCycle>(*station_, inspector_, gate_, marks_, config_.camera,
-                                             [this](const Inspection& part) { observe(part); });
-  cycle_->use(in_force_);
+  cycle_ = std::make_unique<InspectionCycle>(
+      *station_, inspector_, gate_, marks_, config_.camera,
+      [this](const Inspection& part, const auto& published) { observe(part, published); });
+  if (in_force_ != nullptr) cycle_->use(&in_force_->in_force);
   announce(StationState::initialized);
   if (config.plc.tcp.enabled)
     server_ = std::make_unique<TcpServer>(server_settings(config.plc), gate_, gate_);
@@ -112,7 +115,8 @@ void Daemon::load_recipes() {
       throw InputError(file.string(), "id " + std::to_string(id) + " is taken by another recipe",
                        "unique ids");
     }
-    recipes_.emplace(id, inspector_.bring_into_force(std::move(recipe)));
+    recipes_.emplace(id, LoadedRecipe{inspector_.bring_into_force(std::move(recipe)),
+                                      sha256_hex(MappedFile(file).bytes())});
     if (in_force_ == nullptr) in_force_ = &recipes_.at(id);
   }
   std::vector<std::uint16_t> ids;
@@ -123,9 +127,9 @@ void Daemon::load_recipes() {
 
 void Daemon::choose_recipe(std::uint16_t id) {
   in_force_ = &recipes_.at(id);
-  cycle_->use(in_force_);
+  cycle_->use(&in_force_->in_force);
   announce(StationState::ready);
-  spdlog::info("recipe {} '{}' is in force", id, in_force_->recipe.name);
+  spdlog::info("recipe {} '{}' is in force", id, in_force_->in_force.recipe.name);
 }
 
 CalibrationAge Daemon::calibration_age() {
@@ -152,9 +156,11 @@ void Daemon::announce(StationState state) {
                                                        : warnings_.load());
   status.calibration_due = due;
   announced_due_ = due;
-  status.recipe_id = in_force_ != nullptr ? static_cast<std::uint16_t>(in_force_->recipe.id) : 0;
-  status.clusters =
-      in_force_ != nullptr ? static_cast<std::uint16_t>(in_force_->recipe.clusters.size()) : 0;
+  status.recipe_id =
+      in_force_ != nullptr ? static_cast<std::uint16_t>(in_force_->in_force.recipe.id) : 0;
+  status.clusters = in_force_ != nullptr
+                        ? static_cast<std::uint16_t>(in_force_->in_force.recipe.clusters.size())
+                        : 0;
   status.components = static_cast<std::uint16_t>(inspector_.basis().info().components);
   status.channels = static_cast<std::uint16_t>(inspector_.calibration().sensor.channels());
   status.config_hash = config_.hash;
@@ -163,7 +169,18 @@ void Daemon::announce(StationState state) {
   gate_.set_station(status);
 }
 
-void Daemon::observe(const Inspection& part) {
+/// The part with the verdict that the PLC was told: a station in error withdraws a pass.
+static Inspection as_published(const Inspection& part, Verdict verdict) {
+  Inspection told = part;
+  if (verdict == told.result.verdict) return told;
+  told.result.verdict = verdict;
+  told.result.findings.insert(
+      told.result.findings.begin(),
+      {Reason::hardware, "the station was in error before the result stood"});
+  return told;
+}
+
+void Daemon::observe(const Inspection& part, const std::optional<PublishedTimes>& published) {
   std::uint16_t bits = warnings_ & warning_bit::kDisk;
   if (part.result.ambient > kWarnShare * config_.judge.max_ambient) bits |= warning_bit::kAmbient;
   if (part.result.clipped > kWarnShare * config_.judge.max_clipped) bits |= warning_bit::kClipped;
@@ -175,7 +192,14 @@ void Daemon::observe(const Inspection& part) {
     warnings_ = bits;
     announce(StationState::ready);
   }
-  if (evidence_) evidence_->offer(part);
+  if (evidence_ == nullptr || !published) return;
+  evidence_->offer(as_published(part, published->verdict),
+                   {.recipe = in_force_ != nullptr ? &in_force_->in_force : nullptr,
+                    .name = "part " + std::to_string(published->trigger_id),
+                    .station_hash = config_.station_hash,
+                    .recipe_hash = in_force_ != nullptr ? in_force_->hash : "",
+                    .times = {static_cast<double>(published->acquisition_ms),
+                              static_cast<double>(published->processing_ms)}});
 }
 
 /// A station that cannot see its trigger would let parts pass: it is in error until the line is

@@ -43,12 +43,16 @@ class Daemon {
   /// Of the calibration today; nothing known while the clock is not set. Logs once when it is due.
   CalibrationAge calibration_age();
   void keep_house(const std::stop_token& stop);
-  void observe(const Inspection& part);
+  void observe(const Inspection& part, const std::optional<PublishedTimes>& published);
 
   const StationConfig config_;
   Inspector inspector_;
-  std::map<std::uint16_t, RecipeInForce> recipes_;
-  const RecipeInForce* in_force_ = nullptr;
+  struct LoadedRecipe {
+    RecipeInForce in_force;
+    std::string hash;  ///< SHA-256 of its file
+  };
+  std::map<std::uint16_t, LoadedRecipe> recipes_;
+  const LoadedRecipe* in_force_ = nullptr;
   CounterFile counter_file_;
   std::unique_ptr<VerdictLines> verdict_lines_;
   PlcGate gate_;

@@ -2,6 +2,7 @@
 
 #include <spdlog/spdlog.h>
 
+#include "app/explain.hpp"
 #include "app/pictures.hpp"
 
 namespace brdfgate {
@@ -16,10 +17,10 @@ EvidenceWriter::~EvidenceWriter() {
   thread_.join();
 }
 
-void EvidenceWriter::offer(const Inspection& part) {
+void EvidenceWriter::offer(const Inspection& part, PartPapers papers) {
   {
     const std::lock_guard lock(mutex_);
-    waiting_ = part;
+    waiting_ = {part, std::move(papers)};
   }
   offered_.notify_one();
 }
@@ -29,15 +30,23 @@ void EvidenceWriter::work(const std::stop_token& stop) {
     std::unique_lock lock(mutex_);
     offered_.wait(lock, stop, [this] { return waiting_.has_value(); });
     if (!waiting_) return;  // stopped, and nothing left to draw
-    const Inspection part = std::move(*waiting_);
+    const Waiting last = std::move(*waiting_);
     waiting_.reset();
     lock.unlock();
     try {
-      write_pictures(dir_, draw(part, inspector_));
+      write(last);
     } catch (const std::exception& error) {
       spdlog::warn("pictures of the last part: {}", error.what());
     }
   }
+}
+
+void EvidenceWriter::write(const Waiting& last) const {
+  const auto& [part, papers] = last;
+  // A part whose lights did not work has nothing to show.
+  if (!part.reflectance.empty()) write_pictures(dir_, draw(part, inspector_));
+  write_explanation(dir_, {part, inspector_, papers.recipe, papers.name, papers.station_hash,
+                           papers.recipe_hash, papers.times});
 }
 
 }  // namespace brdfgate

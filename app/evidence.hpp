@@ -1,4 +1,5 @@
-// Pictures of the last part, drawn and written beside the inspection, never in its way.
+// Pictures of the last part and the page that explains them, drawn and written beside the
+// inspection, never in its way.
 #pragma once
 
 #include <condition_variable>
@@ -8,8 +9,18 @@
 #include <thread>
 
 #include "app/inspector.hpp"
+#include "app/result_json.hpp"
 
 namespace brdfgate {
+
+/// What the page says of a part beside the inspection itself.
+struct PartPapers {
+  const RecipeInForce* recipe = nullptr;  ///< nullptr: none; outlives the writer
+  std::string name;
+  std::string station_hash;
+  std::string recipe_hash;  ///< empty: none
+  CycleTimes times;
+};
 
 /// Holds at most one part: a newer one replaces one that was not drawn yet.
 class EvidenceWriter {
@@ -20,16 +31,21 @@ class EvidenceWriter {
   /// Draws what is still waiting, then returns.
   ~EvidenceWriter();
 
-  void offer(const Inspection& part);
+  void offer(const Inspection& part, PartPapers papers);
 
  private:
+  struct Waiting {
+    Inspection part;
+    PartPapers papers;
+  };
   void work(const std::stop_token& stop);
+  void write(const Waiting& last) const;
 
   std::filesystem::path dir_;
   const Inspector& inspector_;
   std::mutex mutex_;
   std::condition_variable_any offered_;
-  std::optional<Inspection> waiting_;
+  std::optional<Waiting> waiting_;
   std::jthread thread_;
 };
 

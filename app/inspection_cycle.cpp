@@ -73,7 +73,7 @@ CyclePhase InspectionCycle::publish() {
         published->cycle_ms, inspection_.result.findings.empty() ? "" : ": ",
         inspection_.result.findings.empty() ? "" : inspection_.result.findings.front().text);
   }
-  if (observer_) observer_(inspection_);
+  if (observer_) observer_(inspection_, published);
   return CyclePhase::done;
 }
 

@@ -24,8 +24,9 @@ struct CycleMarks {
 
 class InspectionCycle {
  public:
-  /// Told of every completed inspection, on the inspection's thread: must not block.
-  using Observer = std::function<void(const Inspection&)>;
+  /// Told of every completed inspection and how it was published (not at all, where it was aborted
+  /// meanwhile), on the inspection's thread: must not block.
+  using Observer = std::function<void(const Inspection&, const std::optional<PublishedTimes>&)>;
 
   InspectionCycle(Station& station, const Inspector& inspector, PlcGate& gate, CycleMarks& marks,
                   CameraConfig camera, Observer observer);

@@ -78,6 +78,17 @@ class DaemonTest(unittest.TestCase):
         counters = json.loads((BENCH.folder / "state_two_recipes/counters.json").read_text())["counters"]
         self.assertEqual((counters["inspected"], counters["restarts"]), (3, 1))  # one start
 
+    def test_evidence_explains_the_last_part(self):
+        folder = BENCH.folder / "daemon_evidence"
+        for recipe, trigger, verdict in ((["--recipe", BENCH.recipe], 2, "reject"), ([], 1, "not judged")):
+            with daemon("evidence", "--evidence", folder, *recipe) as (_, port):
+                watch(port, "--trigger", trigger)
+            # What waits is drawn before the daemon ends.
+            page = (folder / "explain.html").read_text()
+            self.assertIn(f"part {trigger}", page)
+            self.assertIn(verdict, page)
+            self.assertTrue((folder / "regions.png").exists(), list(folder.iterdir()))
+
     def test_without_a_recipe_everything_is_not_judged_with_weights(self):
         with daemon("bare") as (_, port):
             code, document = watch(port, "--trigger", 1)

@@ -1,72 +1,15 @@
 #include <array>
-#include <atomic>
 #include <optional>
-#include <thread>
 
-#include "app/plc/plc_gate.hpp"
-#include "catch.hpp"
-#include "support/plc_part.hpp"
+#include "support/gate_bench.hpp"
 
 using namespace brdfgate;
-using namespace brdfgate::command_bit;
 using namespace brdfgate::test;
-using std::chrono::milliseconds;
 
 namespace {
 
-constexpr ModbusClient kPlc = 1;
-constexpr ModbusClient kOther = 2;
-constexpr auto kAddress = ModbusException::illegal_data_address;
-constexpr auto kValue = ModbusException::illegal_data_value;
-constexpr auto kBusy = ModbusException::server_device_busy;
-
-/// A gate on a clock of its own, and the PLC's view of it.
-struct Bench {
-  SteadyTime now{};
-  std::vector<std::string> notes;
-  PlcGate gate;
-  StationStatus station;
-
-  explicit Bench(PlcGateSettings settings = {}) : gate(RegisterMap::built_in(), on(settings), {}) {
-    station.state = StationState::ready;
-    station.config_hash = "0123456789abcdef0000";
-    gate.set_station(station);
-    gate.set_recipes({3, 500});
-  }
-  PlcGateSettings on(PlcGateSettings settings) {
-    settings.clock = [this] { return now; };
-    settings.note = [this](const std::string& text) { notes.push_back(text); };
-    return settings;
-  }
-  RegisterImage view(WordOrder order = WordOrder::abcd) {
-    RegisterImage image(RegisterMap::built_in(), order);
-    for (int from = 0; from < kReadOnlyRegisters; from += 125) {
-      REQUIRE_FALSE(gate.read_words(kOther, WordTable::input, static_cast<std::uint16_t>(from),
-                                    image.words({from, 125})));
-    }
-    REQUIRE_FALSE(gate.read_words(kOther, WordTable::holding, 1000, image.words({1000, 5})));
-    return image;
-  }
-  std::uint32_t get(const char* key) { return view().get(key); }
-  bool status(std::uint16_t bit) { return (get("station.status_bits") & bit) != 0; }
-  ModbusOutcome write(int address, std::vector<std::uint16_t> words, ModbusClient client = kPlc) {
-    return gate.write_words(client, static_cast<std::uint16_t>(address), words);
-  }
-  ModbusOutcome command(int bits) { return write(1000, {static_cast<std::uint16_t>(bits)}); }
-  void trigger(std::uint32_t id) {
-    const auto words = split_u32(id, WordOrder::abcd);
-    REQUIRE_FALSE(write(1000, {kTriggerEnable, words[0], words[1]}));
-    REQUIRE_FALSE(command(kTriggerEnable | kTrigger));
-  }
-  void acknowledge() {
-    command(kTriggerEnable | kResultAck);
-    command(kTriggerEnable);
-  }
-  PlcCommand take() { return gate.wait_for_command(milliseconds(0)); }
-};
-
 /// What must hold of anything a PLC reads at any time.
-void check_fail_safe(Bench& bench) {
+void check_fail_safe(GateBench& bench) {
   const RegisterImage view = bench.view();
   const std::uint32_t status = view.get("station.status_bits");
   const bool passes = (status & status_bit::kPass) != 0;
@@ -81,7 +24,7 @@ void check_fail_safe(Bench& bench) {
 }  // namespace
 
 TEST_CASE("At power-on the map says who it is, and nothing reads as a result") {
-  Bench bench;
+  GateBench bench;
   const RegisterImage view = bench.view();
   CHECK(view.get("station.magic") == 0x42524446);
   CHECK(view.get("station.map_version") == 0x0100);
@@ -94,7 +37,7 @@ TEST_CASE("At power-on the map says who it is, and nothing reads as a result") {
 }
 
 TEST_CASE("The station's status stands in its registers") {
-  Bench bench;
+  GateBench bench;
   StationStatus& s = bench.station;
   s.state = StationState::initialized;
   s.warning_bits = warning_bit::kTilt;
@@ -118,7 +61,7 @@ TEST_CASE("The station's status stands in its registers") {
 }
 
 TEST_CASE("An accepted trigger brings a fresh result block before trigger_ack can be read") {
-  Bench bench;
+  GateBench bench;
   bench.trigger(41);
   bench.gate.publish(scripted_part(Verdict::pass, 8));
   bench.acknowledge();
@@ -146,7 +89,7 @@ TEST_CASE("An accepted trigger brings a fresh result block before trigger_ack ca
 }
 
 TEST_CASE("A result is published with its times, counted, and acknowledged") {
-  Bench bench;
+  GateBench bench;
   bench.now += milliseconds(1000);
   bench.trigger(7);
   bench.now += milliseconds(300);
@@ -184,7 +127,7 @@ TEST_CASE("A result is published with its times, counted, and acknowledged") {
 }
 
 TEST_CASE("Verdicts are counted, and result ids rise") {
-  Bench bench;
+  GateBench bench;
   std::uint32_t last = 0;
   for (const Verdict verdict :
        {Verdict::pass, Verdict::reject, Verdict::not_judged, Verdict::reject}) {
@@ -205,7 +148,7 @@ TEST_CASE("Verdicts are counted, and result ids rise") {
 }
 
 TEST_CASE("An abort or fault ends the inspection as not judged") {
-  Bench bench;
+  GateBench bench;
   bench.trigger(1);
   CHECK(bench.gate.abort(bit(Reason::part_absent), ResultState::aborted));
   CHECK(bench.get("result.result_state") == 3);
@@ -227,7 +170,7 @@ TEST_CASE("An abort or fault ends the inspection as not judged") {
 }
 
 TEST_CASE("A fault withdraws a pass, and a part judged during one is not judged") {
-  Bench bench;
+  GateBench bench;
   bench.trigger(1);
   bench.gate.publish(scripted_part(Verdict::pass));
   const std::uint32_t sequence = bench.get("result.seq_head");
@@ -258,7 +201,7 @@ TEST_CASE("A fault withdraws a pass, and a part judged during one is not judged"
 }
 
 TEST_CASE("clear_error clears the code and tells the daemon") {
-  Bench bench;
+  GateBench bench;
   bench.station.error_code = ErrorCode::camera;
   bench.gate.set_station(bench.station);
   bench.station.error_code = ErrorCode::none;
@@ -272,7 +215,7 @@ TEST_CASE("clear_error clears the code and tells the daemon") {
 }
 
 TEST_CASE("A missed trigger is counted and starts nothing") {
-  Bench bench;
+  GateBench bench;
   bench.command(kTrigger);
   CHECK(bench.status(status_bit::kMissedTrigger));
   CHECK(bench.get("counters.missed_triggers") == 1);
@@ -283,7 +226,7 @@ TEST_CASE("A missed trigger is counted and starts nothing") {
 }
 
 TEST_CASE("The hardware line carries the last written trigger_id") {
-  Bench bench;
+  GateBench bench;
   bench.write(1000, {kTriggerEnable, 0x0001, 0x0002});
   CHECK(bench.gate.external_trigger());
   CHECK(bench.get("result.trigger_id") == 0x00010002);
@@ -294,7 +237,7 @@ TEST_CASE(
     "Without a PLC the line alone starts an inspection, and its result stands until the next") {
   PlcGateSettings settings;
   settings.without_plc = true;
-  Bench bench(settings);
+  GateBench bench(settings);
   CHECK(bench.status(status_bit::kReady));
   REQUIRE(bench.gate.external_trigger());
   CHECK_FALSE(bench.gate.external_trigger());  // busy: missed, not queued
@@ -320,7 +263,7 @@ TEST_CASE("The machine's lines say pass only of a pass, and the safe thing of ev
   std::optional<GpioOutputState> shown;
   PlcGateSettings settings;
   settings.show = [&](const GpioOutputState& state) { shown = state; };
-  Bench bench(settings);
+  GateBench bench(settings);
   using S = GpioOutputState;
   CHECK(shown == S{.pass = false, .reject = false, .busy = true});  // not enabled
   bench.command(kTriggerEnable);
@@ -346,215 +289,6 @@ TEST_CASE("The machine's lines say pass only of a pass, and the safe thing of ev
   CHECK(shown == S{.pass = false, .reject = true, .busy = true});
 }
 
-TEST_CASE("recipe_select: an unknown number is exception 03, while busy 06, nothing applied") {
-  Bench bench;
-  CHECK(bench.write(1000, {kTriggerEnable | kRecipeSelect, 0, 9, 4}) == kValue);
-  CHECK(bench.get("control.command_bits") == 0);
-  CHECK(bench.get("control.trigger_id") == 0);
-  CHECK(bench.get("control.recipe") == 0);
-  CHECK_FALSE(bench.write(1003, {4}));  // stored, not selected
-  CHECK(bench.command(kRecipeSelect) == kValue);
-  CHECK_FALSE(bench.write(1000, {kRecipeSelect, 0, 9, 500}));
-  CHECK(std::get<RecipeSelected>(bench.take()).recipe == 500);
-  CHECK_FALSE(bench.command(kTriggerEnable | kRecipeSelect));  // no edge
-  CHECK(std::holds_alternative<std::monostate>(bench.take()));
-  bench.trigger(1);
-  bench.take();
-  CHECK(bench.write(1000, {kTriggerEnable | kRecipeSelect, 0, 10, 3}) == kBusy);
-  CHECK(bench.get("control.trigger_id") == 1);
-  CHECK(bench.get("control.recipe") == 500);
-  CHECK(bench.get("control.command_bits") == (kTriggerEnable | kTrigger));
-  CHECK(std::holds_alternative<std::monostate>(bench.take()));
-}
-
-TEST_CASE("A recipe and a trigger in one request are taken in that order") {
-  Bench bench;
-  CHECK_FALSE(bench.write(1000, {kTriggerEnable | kTrigger | kRecipeSelect, 0, 5, 3}));
-  CHECK(std::get<RecipeSelected>(bench.take()).recipe == 3);
-  CHECK(std::get<TriggerAccepted>(bench.take()).trigger_id == 5);
-}
-
-TEST_CASE("Addresses: reads and writes end where the map says") {
-  Bench bench;
-  std::array<std::uint16_t, 125> words{};
-  const auto read = [&](WordTable table, int address, std::size_t count) {
-    words.fill(0xAAAA);
-    return bench.gate.read_words(kPlc, table, static_cast<std::uint16_t>(address),
-                                 std::span(words).first(count));
-  };
-  CHECK_FALSE(read(WordTable::input, 18, 22));
-  for (std::size_t i = 0; i < 22; ++i)
-    CHECK(words[i] == 0);
-  CHECK_FALSE(read(WordTable::input, 999, 1));
-  CHECK(read(WordTable::input, 999, 2) == kAddress);
-  CHECK(read(WordTable::input, 1000, 1) == kAddress);
-  CHECK_FALSE(read(WordTable::holding, 999, 6));
-  CHECK(read(WordTable::holding, 1004, 2) == kAddress);
-  CHECK(read(WordTable::holding, 1005, 1) == kAddress);
-  CHECK(read(WordTable::holding, 65535, 1) == kAddress);
-  for (const int address : {0, 4, 100, 999, 1005, 65535})
-    CHECK(bench.write(address, {1}) == kAddress);
-  CHECK(bench.write(999, {0, 0}) == kAddress);
-  CHECK(bench.write(1004, {0, 0}) == kAddress);
-  CHECK_FALSE(bench.write(1000, {0, 0, 0, 0, 0}));
-  CHECK(bench.write(1000, {0x20}) == kValue);
-  CHECK(bench.write(1000, {0x8001}) == kValue);
-  CHECK(bench.get("control.command_bits") == 0);
-}
-
-TEST_CASE("Mirrored holding registers read like the input registers") {
-  Bench bench;
-  bench.trigger(77);
-  bench.gate.publish(scripted_part(Verdict::reject, 8));
-  for (int from = 0; from < kReadOnlyRegisters; from += 125) {
-    std::array<std::uint16_t, 125> input{};
-    std::array<std::uint16_t, 125> holding{};
-    const auto address = static_cast<std::uint16_t>(from);
-    CHECK_FALSE(bench.gate.read_words(kPlc, WordTable::input, address, input));
-    CHECK_FALSE(bench.gate.read_words(kPlc, WordTable::holding, address, holding));
-    CHECK(input == holding);
-  }
-}
-
-TEST_CASE("Coils are the command bits and discrete inputs the status bits") {
-  Bench bench;
-  const std::array<std::uint8_t, 1> on{1};
-  const std::array<std::uint8_t, 1> off{0};
-  CHECK_FALSE(bench.gate.write_bits(kPlc, 0, on));
-  CHECK(bench.get("control.command_bits") == kTriggerEnable);
-  CHECK_FALSE(bench.gate.write_bits(kPlc, 1, on));
-  CHECK(bench.status(status_bit::kBusy));
-  std::array<std::uint8_t, 16> bits{};
-  CHECK_FALSE(bench.gate.read_bits(kPlc, BitTable::discretes, 0, bits));
-  std::uint32_t status = 0;
-  for (std::size_t i = 0; i < bits.size(); ++i)
-    status |= std::uint32_t{bits[i]} << i;
-  CHECK(status == bench.get("station.status_bits"));
-  CHECK_FALSE(bench.gate.write_bits(kPlc, 1, off));
-  std::array<std::uint8_t, 5> coils{};
-  CHECK_FALSE(bench.gate.read_bits(kPlc, BitTable::coils, 0, coils));
-  CHECK(coils == std::array<std::uint8_t, 5>{1, 0, 0, 0, 0});
-  CHECK(bench.gate.write_bits(kPlc, 5, on) == kAddress);
-  CHECK(bench.gate.read_bits(kPlc, BitTable::discretes, 1, bits) == kAddress);
-  CHECK(bench.gate.read_bits(kPlc, BitTable::coils, 1, coils) == kAddress);
-  CHECK(bench.gate.write_bits(kOther, 0, on) == kBusy);
-}
-
-TEST_CASE("One client owns the control block until it leaves or falls silent") {
-  PlcGateSettings settings;
-  settings.owner_silence = milliseconds(5000);
-  Bench bench(settings);
-  CHECK(bench.write(1003, {99}, kOther) == std::nullopt);
-  CHECK(bench.write(1003, {1}, kPlc) == kBusy);
-  CHECK(bench.get("control.recipe") == 99);
-  CHECK(bench.get("station.warning_bits") == warning_bit::kSecondWriter);
-  CHECK(bench.status(status_bit::kWarning));
-  CHECK(bench.write(5, {1}, kPlc) == kAddress);
-  SECTION("it leaves") {
-    bench.gate.client_left(kOther);
-  }
-  SECTION("it falls silent") {
-    bench.now += milliseconds(4999);
-    CHECK_FALSE(bench.gate.tick(bench.now, {}).owner_released);
-    std::array<std::uint16_t, 1> word{};
-    bench.gate.read_words(kOther, WordTable::input, 0, word);  // it asks for something
-    bench.now += milliseconds(4999);
-    CHECK_FALSE(bench.gate.tick(bench.now, {}).owner_released);
-    bench.now += milliseconds(1);
-    CHECK(bench.gate.tick(bench.now, {}).owner_released);
-  }
-  CHECK_FALSE(bench.write(1000, {kClearError}, kPlc));
-  CHECK(bench.get("station.warning_bits") == 0);
-  CHECK(bench.write(1003, {2}, kOther) == kBusy);
-  bench.gate.client_left(kOther);  // not the owner: nothing changes
-  CHECK(bench.write(1003, {2}, 3) == kBusy);
-}
-
-TEST_CASE("A refused write does not make its client the owner") {
-  Bench bench;
-  CHECK(bench.write(1000, {0xFF}, kOther) == kValue);
-  CHECK_FALSE(bench.write(1000, {0}, kPlc));
-}
-
-TEST_CASE("The heartbeat counts ten times a second while everything moves") {
-  PlcGateSettings settings;
-  settings.progress_limit = milliseconds(1000);
-  Bench bench(settings);
-  ProgressMarks marks;
-  const auto run = [&](int ticks, bool capture, bool judging, bool server) {
-    const std::uint32_t before = bench.get("station.heartbeat");
-    for (int i = 0; i < ticks; ++i) {
-      bench.now += milliseconds(50);
-      marks.capture += capture ? 1 : 0;
-      marks.judging += judging ? 1 : 0;
-      if (server) bench.gate.server_alive();
-      bench.gate.tick(bench.now, marks);
-    }
-    return bench.get("station.heartbeat") - before;
-  };
-  CHECK(run(40, true, true, true) == 20);
-  CHECK(run(19, false, true, true) == 9);
-  CHECK(run(200, false, true, true) == 0);
-  CHECK(bench.gate.tick(bench.now, marks).stalled);
-  CHECK(run(40, true, true, true) >= 19);
-  run(20, true, false, true);
-  CHECK(run(200, true, false, true) == 0);
-  run(20, true, true, true);
-  run(20, true, true, false);
-  CHECK(run(200, true, true, false) == 0);
-  CHECK(bench.get("station.uptime_s") > 20);
-}
-
-TEST_CASE("A PLC heartbeat that stands still is a fault, when it is watched") {
-  PlcGateSettings settings;
-  settings.plc_heartbeat_timeout = milliseconds(1000);
-  Bench bench(settings);
-  bench.now += std::chrono::seconds(100);  // nobody there yet
-  CHECK_FALSE(bench.gate.tick(bench.now, {}).plc_heartbeat_lost);
-  bench.trigger(1);
-  bench.gate.publish(scripted_part(Verdict::pass));
-  for (std::uint16_t beat = 1; beat < 10; ++beat) {
-    bench.write(1004, {beat});
-    bench.now += milliseconds(500);
-    CHECK_FALSE(bench.gate.tick(bench.now, {}).plc_heartbeat_lost);
-  }
-  bench.now += milliseconds(600);
-  CHECK(bench.gate.tick(bench.now, {}).plc_heartbeat_lost);
-  CHECK(bench.get("station.error_code") == static_cast<std::uint16_t>(ErrorCode::plc_heartbeat));
-  CHECK(bench.get("station.state") == 2);
-  CHECK_FALSE(bench.status(status_bit::kPass));
-  CHECK(bench.gate.counters().faults == 1);
-  CHECK_FALSE(bench.gate.tick(bench.now, {}).plc_heartbeat_lost);  // told once
-  bench.command(kTriggerEnable | kClearError);
-  CHECK(bench.get("station.state") == 4);
-  bench.now += milliseconds(1000);
-  CHECK(bench.gate.tick(bench.now, {}).plc_heartbeat_lost);
-}
-
-TEST_CASE("A handshake that the PLC does not finish is released and counted") {
-  PlcGateSettings settings;
-  settings.handshake_timeout = milliseconds(2000);
-  Bench bench(settings);
-  bench.trigger(1);
-  bench.gate.publish(scripted_part(Verdict::reject));
-  bench.now += milliseconds(1999);
-  CHECK_FALSE(bench.gate.tick(bench.now, {}).handshake_released);
-  bench.now += milliseconds(1);
-  CHECK(bench.gate.tick(bench.now, {}).handshake_released);
-  CHECK_FALSE(bench.status(status_bit::kResultValid | status_bit::kTriggerAck));
-  CHECK(bench.gate.counters().faults == 1);
-  bench.command(kTriggerEnable);
-  CHECK(bench.status(status_bit::kReady));
-}
-
-TEST_CASE("Refused clients are counted and noted") {
-  Bench bench;
-  bench.gate.client_refused("192.0.2.9", "not on the allow-list");
-  CHECK(bench.get("counters.clients_refused") == 1);
-  REQUIRE(bench.notes.size() == 1);
-  CHECK(bench.notes[0] == "Modbus client 192.0.2.9 refused: not on the allow-list");
-}
-
 TEST_CASE("Counters start where the last run left them") {
   Counters counters;
   counters.inspected = 100000;
@@ -566,67 +300,4 @@ TEST_CASE("Counters start where the last run left them") {
   CHECK(words[0] == 1);
   CHECK(words[1] == 34464);
   CHECK(words[13] == 3);
-}
-
-TEST_CASE("wake ends a wait, and a trigger ends it with the trigger") {
-  PlcGate gate(RegisterMap::built_in(), {}, {});
-  StationStatus station;
-  station.state = StationState::ready;
-  gate.set_station(station);
-  std::thread waker([&] { gate.wake(); });
-  CHECK(std::holds_alternative<std::monostate>(gate.wait_for_command(std::chrono::seconds(20))));
-  waker.join();
-  std::thread plc([&] {
-    const std::array<std::uint16_t, 3> words{kTriggerEnable | kTrigger, 0, 9};
-    gate.write_words(kPlc, 1000, words);
-  });
-  const PlcCommand command = gate.wait_for_command(std::chrono::seconds(20));
-  plc.join();
-  CHECK(std::get<TriggerAccepted>(command).trigger_id == 9);
-}
-
-TEST_CASE("A reader on another thread never sees a block of two results") {
-  PlcGate gate(RegisterMap::built_in(), {}, {});
-  StationStatus station;
-  station.state = StationState::ready;
-  gate.set_station(station);
-  std::atomic<bool> done{false};
-  std::atomic<int> torn{0};
-  std::atomic<int> unsafe{0};
-  std::thread reader([&] {
-    RegisterImage image(RegisterMap::built_in(), WordOrder::abcd);
-    while (!done) {
-      gate.read_words(kOther, WordTable::input, 0, image.words({0, 125}));
-      gate.read_words(kOther, WordTable::input, 100, image.words({100, 26}));
-      gate.read_words(kOther, WordTable::input, 200, image.words({200, 76}));
-      // Part n carries its number in every published value.
-      const auto number = static_cast<float>(image.get("result.trigger_id"));
-      const bool finished = image.get("result.result_state") == 1;
-      if (image.get("result.seq_head") != image.get("result.seq_tail")) ++torn;
-      if (image.get("cluster.seq_head") != image.get("cluster.seq_tail")) ++torn;
-      if (finished && image.get_real("result.t2_ratio") != number) ++torn;
-      if (!finished && image.get("result.verdict") != 0) ++unsafe;
-      if (image.get_real("cluster.weights", 0, 0) != image.get_real("cluster.weights", 0, 23)) {
-        ++torn;
-      }
-    }
-  });
-  PartResult part = scripted_part(Verdict::pass, 8);
-  for (std::uint32_t n = 1; n <= 500; ++n) {
-    const auto id = split_u32(n, WordOrder::abcd);
-    const std::array<std::uint16_t, 3> words{kTriggerEnable | kTrigger, id[0], id[1]};
-    gate.write_words(kPlc, 1000, words);
-    part.t2_ratio = n;
-    for (ClusterResult& c : part.clusters)
-      c.weights.setConstant(n);
-    REQUIRE(gate.publish(part));
-    const std::array<std::uint16_t, 1> acknowledge{kTriggerEnable | kResultAck};
-    gate.write_words(kPlc, 1000, acknowledge);
-    const std::array<std::uint16_t, 1> enable{kTriggerEnable};
-    gate.write_words(kPlc, 1000, enable);
-  }
-  done = true;
-  reader.join();
-  CHECK(torn == 0);
-  CHECK(unsafe == 0);
 }

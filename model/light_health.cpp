@@ -74,7 +74,7 @@ std::string light_fault(const std::vector<LightSight>& lights) {
       return light + " stays on: frames without light have " + percent(lights[i].without) +
              " of white, and no more with it";
     }
-    return light + " stays dark: it adds " + percent(lights[i].gives) + " of white";
+    return light + " stays dark: it adds " + percent(std::max(lights[i].gives, 0.0)) + " of white";
   }
   return {};
 }

@@ -1,6 +1,8 @@
 // brdfgate design: where to put camera and lights, and what a given rig is worth.
 #include <fmt/core.h>
 
+#include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <fstream>
 #include <memory>
@@ -9,6 +11,7 @@
 #include <numbers>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "app/commands/commands.hpp"
@@ -186,15 +189,30 @@ void finish_images(const DesignSummary& summary, const std::vector<CameraLight>&
   print_design(summary, as_json, "images", positions, [&] { print(images, view); });
 }
 
-std::vector<PolarDirection> polar_pairs(const std::vector<double>& flat, const char* option) {
-  if (flat.size() % 2 != 0) {
-    throw InputError(option, std::to_string(flat.size()) + " numbers",
-                     "pairs: angle from the normal, azimuth");
+/// The whole text as a finite number.
+std::optional<double> number_of(std::string_view text) {
+  double value = 0;
+  const char* end = text.data() + text.size();
+  const auto [stopped, error] = std::from_chars(text.data(), end, value);
+  if (error != std::errc() || stopped != end || !std::isfinite(value)) return std::nullopt;
+  return value;
+}
+
+/// One direction an occurrence of the option, so that two half-written ones are not taken for one.
+std::vector<PolarDirection> polar_directions(const std::vector<std::string>& texts,
+                                             const char* option) {
+  std::vector<PolarDirection> directions;
+  for (const std::string_view text : texts) {
+    const std::size_t comma = std::min(text.find(','), text.size());
+    const auto theta_deg = number_of(text.substr(0, comma));
+    const auto phi_deg = number_of(text.substr(std::min(comma + 1, text.size())));
+    if (!theta_deg || !phi_deg) {
+      throw InputError(option, "'" + std::string(text) + "'",
+                       "angle from the normal and azimuth in degrees, such as 20,180");
+    }
+    directions.push_back({*theta_deg * kDegree, *phi_deg * kDegree});
   }
-  std::vector<PolarDirection> pairs;
-  for (std::size_t i = 0; i < flat.size(); i += 2)
-    pairs.push_back({flat[i] * kDegree, flat[i + 1] * kDegree});
-  return pairs;
+  return directions;
 }
 
 void add_limits(CLI::App& command, DesignOptions& options, bool clearance) {
@@ -321,7 +339,7 @@ void add_design_rig(CLI::App& design, int& exit_code) {
   struct Options : DesignOptions, ViewOptions {
     int lights = 2;
     std::optional<double> camera_deg;
-    std::vector<double> light;
+    std::vector<std::string> light;
   };
   auto options = std::make_shared<Options>();
   CLI::App* command = design.add_subcommand(
@@ -332,8 +350,8 @@ void add_design_rig(CLI::App& design, int& exit_code) {
   command
       ->add_option("--light", options->light,
                    "score a rig with this light instead: angle from the normal, azimuth from the "
-                   "camera's; once per light; needs --camera-deg")
-      ->delimiter(',');
+                   "camera's, such as 20,180; once per light; needs --camera-deg")
+      ->allow_extra_args(false);
   options->DesignOptions::add_to(*command);
   options->ViewOptions::add_to(*command);
   add_limits(*command, *options, true);
@@ -345,7 +363,7 @@ void add_design_rig(CLI::App& design, int& exit_code) {
     Found<FixedRig> found;
     if (!options->light.empty()) {
       if (!camera) throw InputError("--light", "needs --camera-deg", "the camera's angle too");
-      found.design = {*camera, polar_pairs(options->light, "--light")};
+      found.design = {*camera, polar_directions(options->light, "--light")};
     } else {
       found = with_progress(options->search, [&](const SearchOptions& search) {
         return design_fixed_rig(basis, view, {options->lights, camera}, options->goal(),

@@ -88,9 +88,10 @@ class BadModelInput(Refused):
         self.not_built("--components", "1", "--leave-out", "b", says=["1 material", "at least 2"])
 
     def test_a_rig_that_sees_nothing(self):
-        rig = ["design", "rig", "--basis", self.BASIS, "--camera-deg", "50", "--light", "20", "0", "--light"]
-        self.refused(*rig, "89.95", "0", says=["image 2", "sees nothing"])
-        self.refused(*rig, "95", "0", says=["light of image 2", "95"])
+        rig = ["design", "rig", "--basis", self.BASIS, "--camera-deg", "50", "--light", "20,0", "--light"]
+        self.refused(*rig, "89.95,0", says=["image 2", "sees nothing"])
+        self.refused(*rig, "95,0", says=["light of image 2", "95"])
+        self.refused(*rig, "120", says=["--light", "'120'", "such as 20,180"])
 
     def test_directions_below_the_horizon(self):
         csv = self.folder / "below.csv"

@@ -68,6 +68,7 @@ TEST_CASE("A light that makes no difference is told, and what it seems to do") {
   const std::string fault = fault_of(capture_of(c.ambient, c.light1, c.light2));
   CHECK(fault.substr(0, c.says.size()) == c.says);
   CHECK(fault.empty() == c.says.empty());
+  CHECK(fault.find("-0") == std::string::npos);
 }
 
 TEST_CASE("What the lights give is measured in shares of white") {

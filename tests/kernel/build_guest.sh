@@ -84,7 +84,7 @@ build_modules() {
   /sbin/depmod -b "$work/packages" "$kernel"
 }
 
-wanted_modules=(virtio_pci virtio_blk virtio_net ext4 crc32c_generic autofs4 gpio-sim vimc v4l2loopback vivid softdog)
+wanted_modules=(virtio_pci virtio_blk virtio_net ext4 crc32c_generic autofs4 gpio-sim vimc v4l2loopback vivid uvcvideo vhci-hcd softdog)
 
 bootstrap() {
   archives >"$work/sources.list"

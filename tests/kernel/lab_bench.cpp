@@ -1,25 +1,26 @@
 // A bench in front of a real kernel: looks at the station's two LED lines as the lamps would, and
-// feeds a v4l2loopback device with the frames that the simulated part gives under them.
+// feeds a v4l2loopback device or a USB camera with the frames that the simulated part gives under
+// them.
 //
 //   lab_bench STATION VIDEO LINE1 LINE2 ORDERS
 //
 // STATION: a station file with a simulated camera, whose sensor and rig are the real one's. VIDEO:
-// the loopback's node. LINE1, LINE2: sysfs files that hold 0 or 1. ORDERS: a file read before every
-// frame, one order a line:
-//   scene FILE   what lies under the camera      dead N    light N stays dark
-//   silent       no frames                       stuck N   light N stays on
-//   mute N       no frames while light N burns   number N  of these orders
+// the loopback's node, or usb for a USB camera with exposure and gain controls that is plugged in
+// here. LINE1, LINE2: sysfs files that hold 0 or 1. ORDERS: a file read before every frame, one
+// order a line:
+//   scene FILE   what lies under the camera      dead N     light N stays dark
+//   silent       no frames                       stuck N    light N stays on
+//   mute N       no frames while light N burns   unplugged  the USB camera is not there
+//   number N     of these orders                 deaf       it takes exposures and does not apply
+//   them
 // ORDERS.done holds the number of the orders that the last frame obeyed.
-#include <fcntl.h>
 #include <fmt/core.h>
-#include <linux/videodev2.h>
-#include <sys/ioctl.h>
-#include <unistd.h>
 
 #include <array>
 #include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <sstream>
 #include <stdexcept>
 #include <thread>
@@ -27,8 +28,10 @@
 #include "config/scene_reader.hpp"
 #include "config/station_config.hpp"
 #include "hal/sim/sim_station.hpp"
+#include "kernel/bench_outlet.hpp"
 
 using namespace brdfgate;
+using namespace brdfgate::lab;
 
 namespace {
 
@@ -36,11 +39,15 @@ namespace {
 /// stamps it when it is written, and the station takes it for begun one exposure earlier. Shorter
 /// than the station's settle time, so that no stall passes one light's frame off as another's.
 constexpr std::chrono::milliseconds kSlowestFrame{200};
+/// Between two looks at the orders while nobody takes frames.
+constexpr std::chrono::milliseconds kIdle{10};
 
 struct Orders {
   std::string scene;
   std::string number;
   bool silent = false;
+  bool unplugged = false;
+  bool deaf = false;
   LightIndex mute = kNoLight;
   std::array<bool, 2> dead{};
   std::array<bool, 2> stuck{};
@@ -59,6 +66,8 @@ Orders read_orders(const std::string& file) {
     if (order == "number") orders.number = what;
     if (order == "mute") orders.mute = std::stoi(what);
     if (order == "silent") orders.silent = true;
+    if (order == "unplugged") orders.unplugged = true;
+    if (order == "deaf") orders.deaf = true;
     if (order == "dead") orders.dead.at(std::stoul(what) - 1) = true;
     if (order == "stuck") orders.stuck.at(std::stoul(what) - 1) = true;
   }
@@ -82,7 +91,8 @@ LightIndex lit_now(const std::array<std::string, 2>& lines, const Orders& orders
   return kNoLight;
 }
 
-/// Frames of one scene, a few of each light, taken beforehand: rendering takes longer than a frame.
+/// Frames of one scene, a few of each light and exposure, kept: to render them takes longer than a
+/// frame.
 class Album {
  public:
   explicit Album(const StationConfig& config) : config_(config), bench_(config.simulator) {}
@@ -90,61 +100,58 @@ class Album {
   void open(const std::string& scene) {
     if (scene == scene_) return;
     bench_.place(read_scene(scene), config_.camera.seed, part_++);
-    for (std::size_t light = 0; light < frames_.size(); ++light) {
-      frames_[light].clear();
-      if (light > 0) bench_.lights().on(static_cast<LightIndex>(light));
-      for (int i = 0; i < kVariants; ++i) {
-        bench_.camera().arm({{.exposure_s = config_.camera.bracket_ms.front() * 1e-3}});
-        frames_[light].push_back(bench_.camera().next_frame(std::chrono::seconds(10)).counts);
-      }
-      bench_.lights().all_off();
-    }
+    pages_.clear();
     scene_ = scene;
   }
-  const cv::Mat& next(LightIndex light) {
-    return frames_.at(static_cast<std::size_t>(light))[turn_++ % kVariants];
+  const cv::Mat& next(LightIndex light, const ExposureRequest& exposure) {
+    std::vector<cv::Mat>& page = pages_[{light, exposure.exposure_s, exposure.gain}];
+    if (page.empty()) page = taken(light, exposure);
+    return page[turn_++ % kVariants];
   }
 
  private:
   static constexpr int kVariants = 3;
+
+  std::vector<cv::Mat> taken(LightIndex light, const ExposureRequest& exposure) {
+    std::vector<cv::Mat> page;
+    if (light != kNoLight) bench_.lights().on(light);
+    for (int i = 0; i < kVariants; ++i) {
+      bench_.camera().arm({exposure});
+      page.push_back(bench_.camera().next_frame(std::chrono::seconds(10)).counts);
+    }
+    bench_.lights().all_off();
+    return page;
+  }
+
   StationConfig config_;
   SimStation bench_;
-  std::array<std::vector<cv::Mat>, 3> frames_;
+  std::map<std::tuple<LightIndex, double, double>, std::vector<cv::Mat>> pages_;
   std::string scene_;
   std::uint64_t part_ = 0;
   std::size_t turn_ = 0;
 };
 
-int open_output(const std::string& node, const SensorFormat& sensor) {
-  const int fd = ::open(node.c_str(), O_RDWR);
-  if (fd < 0) throw std::runtime_error("cannot open " + node);
-  v4l2_format format{};
-  format.type = V4L2_BUF_TYPE_VIDEO_OUTPUT;
-  format.fmt.pix.width = static_cast<std::uint32_t>(sensor.width);
-  format.fmt.pix.height = static_cast<std::uint32_t>(sensor.height);
-  format.fmt.pix.pixelformat = V4L2_PIX_FMT_Y16;
-  format.fmt.pix.field = V4L2_FIELD_NONE;
-  format.fmt.pix.bytesperline = format.fmt.pix.width * 2;
-  format.fmt.pix.sizeimage = format.fmt.pix.bytesperline * format.fmt.pix.height;
-  if (::ioctl(fd, VIDIOC_S_FMT, &format) != 0) throw std::runtime_error("VIDIOC_S_FMT refused");
-  return fd;
+std::unique_ptr<Outlet> open_outlet(const std::string& video, const CameraConfig& camera) {
+  if (video == "usb") return std::make_unique<UsbOutlet>(camera.sensor);
+  return std::make_unique<LoopbackOutlet>(video, camera.sensor, camera.bracket_ms.front() * 1e-3);
 }
 
-/// One exposure: what burns at both its ends burned through; a light switched meanwhile is seen in
-/// the frame, which therefore is not the other's either.
-cv::Mat expose(Album& album, LightIndex at_start, LightIndex at_end) {
-  const cv::Mat frame = album.next(at_start);
-  if (at_end == at_start) return frame;
-  cv::Mat both;
-  cv::addWeighted(frame, 0.5, album.next(at_end), 0.5, 0, both);
-  return both;
-}
-
-void write_frame(int fd, const cv::Mat& frame) {
-  const std::size_t bytes = frame.total() * frame.elemSize();
-  if (::write(fd, frame.data, bytes) != static_cast<ssize_t>(bytes)) {
-    throw std::runtime_error("the loopback takes no frame");
+/// One frame, by what burns at both ends of its exposure; a light switched meanwhile is seen in it,
+/// and it is therefore not the other's either. Nothing where the bench was too slow to say.
+void expose(Album& album, const std::array<std::string, 2>& lines, const Orders& orders,
+            const ExposureRequest& exposure, Outlet& outlet) {
+  const auto begun = std::chrono::steady_clock::now();
+  const LightIndex at_start = lit_now(lines, orders);
+  std::this_thread::sleep_for(std::chrono::duration<double>(exposure.exposure_s));
+  const LightIndex at_end = lit_now(lines, orders);
+  if (orders.silent || (orders.mute != kNoLight && at_end == orders.mute)) return;
+  cv::Mat frame = album.next(at_start, exposure);
+  if (at_end != at_start) {
+    cv::Mat both;
+    cv::addWeighted(frame, 0.5, album.next(at_end, exposure), 0.5, 0, both);
+    frame = both;
   }
+  if (std::chrono::steady_clock::now() - begun <= kSlowestFrame) outlet.put(frame);
 }
 
 /// Whole or not at all, for whoever reads it meanwhile.
@@ -158,21 +165,17 @@ void run(const std::array<std::string, 5>& arguments) {
   const StationConfig config = read_station_config(arguments[0]);
   const std::array<std::string, 2> lines{arguments[2], arguments[3]};
   Album album(config);
-  const int fd = open_output(arguments[1], config.camera.sensor);
-  const std::chrono::duration<double, std::milli> exposure(config.camera.bracket_ms.front());
+  const std::unique_ptr<Outlet> outlet = open_outlet(arguments[1], config.camera);
   std::string obeyed;
   while (true) {
     const Orders orders = read_orders(arguments[4]);
     if (!orders.scene.empty()) album.open(orders.scene);
-    const auto begun = std::chrono::steady_clock::now();
-    const LightIndex at_start = lit_now(lines, orders);
-    std::this_thread::sleep_for(exposure);
-    const LightIndex at_end = lit_now(lines, orders);
-    const bool muted = orders.mute != kNoLight && at_end == orders.mute;
-    if (!orders.silent && !muted) {
-      const cv::Mat frame = expose(album, at_start, at_end);
-      if (std::chrono::steady_clock::now() - begun > kSlowestFrame) continue;
-      write_frame(fd, frame);
+    outlet->plug(!orders.unplugged);
+    outlet->go_deaf(orders.deaf);
+    if (const auto exposure = outlet->next_exposure()) {
+      expose(album, lines, orders, *exposure, *outlet);
+    } else {
+      std::this_thread::sleep_for(kIdle);
     }
     if (obeyed != orders.number) acknowledge(arguments[4], obeyed = orders.number);
   }

@@ -2,7 +2,8 @@
 """Hardware backends and the shipped daemon in a guest with a real kernel.    test_lab.py GUEST BUILD [TEST...]
 
 The closed loop: brdfgated under systemd, from its shipped unit, switches LED lines of a gpio-sim chip; lab_bench sees them
-and feeds /dev/video40 with the frames that each light gives; a Modbus client on this side of the network reads verdicts.
+and feeds /dev/video40, or a USB camera of its own, with the frames that each light gives; a Modbus client on this side of the
+network reads verdicts.
 """
 import contextlib
 import json
@@ -26,7 +27,7 @@ TOOL = BUILD / "app/brdfgate"
 PROGRAMS = [TOOL, BUILD / "app/brdfgated", *(BUILD / "tests" / name for name in ("camera_contract", "lab_gpio", "lab_camera", "lab_bench"))]
 PASS, REJECT, NOT_JUDGED = 1, 2, 3
 HARDWARE = 1 << 12
-CAMERA, LIGHTS, TRIGGER_LINE, ABSENT = 10, 11, 12, 13
+CAMERA, LIGHTS, TRIGGER_LINE, ABSENT, IMPLAUSIBLE = 10, 11, 12, 13, 16
 COMPLETED, FAILED = 1, 4
 ERROR = 2
 
@@ -34,6 +35,17 @@ SENSOR = """sensor: {width: 364, height: 272, bits: 16, mosaic: mono, black_leve
     gain_dn_per_electron: 6.3, read_noise_dn: 10}
   bracket_ms: [2]
   ambient_ms: [2]
+"""
+# A USB camera of lab_bench: uvcvideo counts its exposures in 0.1 ms. It obeys a setting a frame late, and its frames
+# are stamped when they arrive.
+USB = "/dev/v4l/by-id/usb-brdfgate_lab_camera_1-video-index0"
+USB_CAMERA = f"""camera:
+  backend: v4l2
+  device: {{path: {USB}, pixel_format: Y16, control_delay_frames: 3, timestamp: end_of_frame, readout_ms: 0.1,
+    gain: {{law: linear, code_at_1: 16}}}}
+  """ + SENSOR.replace("bracket_ms: [2]", "bracket_ms: [0.5, 2, 8]").replace("ambient_ms: [2]", "ambient_ms: [8]") + """  gain: 1
+  frame_timeout_ms: 30000
+
 """
 DEVICE = """camera:
   backend: v4l2
@@ -75,6 +87,11 @@ CONTRACT_CAMERAS = {
     # libcamera's vimc gives no raw stream: the backend is handed the green channel of what it has.
     "vimc": contract_camera("libcamera", "pixel_format: RGB24, line_time_us: 20", 192, 144, 8),
 }
+
+
+CONTRACT_CAMERAS["usb"] = USB_CAMERA + """lights: {chip: lab-lights, lines: [LED1, LED2]}
+
+"""
 
 
 def simulated_station(basis):
@@ -125,7 +142,9 @@ def fill(content, folder):
     twin = simulated_station("/lab/etc/merl.basis")
     (content / "etc/sim.yaml").write_text(twin)
     station = hardware_station(twin)
-    (content / "etc/station.yaml").write_text(station.replace("recipes: []", "recipes: [good.recipe.yaml]"))
+    station = station.replace("recipes: []", "recipes: [good.recipe.yaml]")
+    (content / "etc/station.yaml").write_text(station)
+    (content / "etc/usb-station.yaml").write_text(re.sub(r"camera:\n  backend.*?\n\n", lambda _: USB_CAMERA, station, count=1, flags=re.S))
     for name, camera in CONTRACT_CAMERAS.items():
         (content / f"etc/{name}.yaml").write_text(hardware_station(twin, camera))
     for file in (ROOT / "config/basis/merl.basis", folder / "station.calibration.exr", folder / "good.recipe.yaml",
@@ -147,6 +166,8 @@ modprobe configfs; mountpoint -q /sys/kernel/config || mount -t configfs none /s
 modprobe gpio-sim
 {LOOPBACK}modprobe vivid node_types=0x1 n_devs=1 vid_cap_nr=10
 modprobe vimc
+modprobe vhci-hcd
+modprobe uvcvideo
 udevadm settle
 mkdir -p /run/lab
 printf "scene /lab/etc/scenes/good.yaml\nnumber 0\n" >/run/lab/orders
@@ -172,20 +193,30 @@ pull() { local d=/sys/kernel/config/gpio-sim/$1; echo $3 >/sys/devices/platform/
 await() { local i; for i in $(seq 1200); do eval "$1" && return 0; sleep 0.1; done; echo "never: $1"; return 1; }
 """
 
-# lab_bench on the loopback, looking at two files that hold the lights' levels.
+# lab_bench on the loopback or as a USB camera, looking at two files that hold the lights' levels.
 FEED = r"""set -e
-feed() { # feed LINE1 LINE2
+feed() { # feed LINE1 LINE2 [VIDEO]
   systemctl stop lab-bench 2>/dev/null || true
   systemctl reset-failed lab-bench 2>/dev/null || true
   rm -f /run/lab/orders.done
-  systemd-run --unit=lab-bench /lab/bin/lab_bench /lab/etc/sim.yaml /dev/video40 $1 $2 /run/lab/orders
+  systemd-run --unit=lab-bench /lab/bin/lab_bench /lab/etc/sim.yaml ${3:-/dev/video40} $1 $2 /run/lab/orders
   await '[ -e /run/lab/orders.done ]'
 }
-feed_of_the_chip() {
+feed_of_the_chip() { # feed_of_the_chip [VIDEO]
   local d=/sys/kernel/config/gpio-sim/lab-lights
   local s=/sys/devices/platform/$(cat $d/dev_name)/$(cat $d/bank0/chip_name)
-  feed $s/sim_gpio0/value $s/sim_gpio1/value
+  feed $s/sim_gpio0/value $s/sim_gpio1/value $1
 }
+"""
+
+# The USB camera's cable: "cable out" and "cable in" return when the kernel has seen it.
+CABLE = f"""{LEVEL}
+case $1 in
+  out) printf 'scene /lab/etc/scenes/good.yaml\\nunplugged\\nnumber 0\\n' >/run/lab/orders.new; gone=! ;;
+  in) printf 'scene /lab/etc/scenes/good.yaml\\nnumber 0\\n' >/run/lab/orders.new; gone= ;;
+esac
+mv /run/lab/orders.new /run/lab/orders
+await "[ $gone -e {USB} ]"
 """
 
 # The shipped unit; its watchdog three times as patient, as an emulated processor is slow.
@@ -292,7 +323,8 @@ class LabTest(unittest.TestCase):
 
     def contract(self, program, environment=""):
         code, text = self.guest.run(f"cd /lab && {environment} timeout 900 bin/{program}", limit=960)
-        self.assertEqual(code, 0, text[-6000:])
+        if code != 0:
+            self.fail(text[-6000:] + self.guest.run("journalctl -u lab-bench --no-pager | tail -n 5; dmesg | tail -n 30")[1])
         print(f"\n  {program}: {text.strip().splitlines()[-1]}", file=sys.stderr)
 
     def camera_contract(self, camera, environment=""):
@@ -312,6 +344,13 @@ class LabTest(unittest.TestCase):
     def test_1_v4l2_camera_on_loopback(self):
         self.guest.must(f"{LEVEL}{FEED} feed /dev/null /dev/null")
         self.camera_contract("loopback")
+        self.guest.must("systemctl stop lab-bench")
+
+    def test_1_v4l2_camera_on_usb(self):
+        """uvcvideo's: the one driver here with exposure and gain, and a cable to pull."""
+        self.guest.must(f"{LEVEL}{FEED} feed /dev/null /dev/null usb; await '[ -e {USB} ]'")
+        self.guest.must(f"cat >/run/lab/cable <<'END'\n{CABLE}END\nchmod +x /run/lab/cable")
+        self.camera_contract("usb", "BRDFGATE_UNPLUG='sh /run/lab/cable out' BRDFGATE_REPLUG='sh /run/lab/cable in'")
         self.guest.must("systemctl stop lab-bench")
 
     def test_1_libcamera_on_vimc(self):
@@ -512,6 +551,44 @@ class LabTest(unittest.TestCase):
             self.assertEqual((code, [light["seen"] for light in json.loads(text)["lights"]]), (1, [True, False]), text)
             self.assertEqual(self.guest.run("brdfgate lights --off --config /etc/brdfgate/station.yaml")[0], 0)
             self.assert_dark()
+
+
+    @contextlib.contextmanager
+    def usb_loop(self):
+        """The station with the USB camera; the loopback's is back afterwards."""
+        with self.loop() as plc:
+            plc.client.close()
+            self.guest.must(f"{LEVEL}{FEED} systemctl stop brdfgated; cp /lab/etc/usb-station.yaml /etc/brdfgate/station.yaml;"
+                            f"feed_of_the_chip usb; await '[ -e {USB} ]'; systemctl start brdfgated", limit=400)
+            plc.connect()
+            try:
+                yield plc
+            finally:
+                self.guest.must(f"{LEVEL}{FEED} systemctl stop brdfgated; cp /lab/etc/station.yaml /etc/brdfgate/; feed_of_the_chip;"
+                                "systemctl start brdfgated", limit=400)
+
+    def test_9_a_usb_camera_with_brackets(self):
+        with self.usb_loop() as plc:
+            self.put("good")
+            self.assertEqual(plc.inspect(600)["verdict"], PASS, self.journal())
+            self.put("bad_gloss")
+            bad = plc.inspect(601)
+            self.assertEqual((bad["verdict"], bad["reasons"] & 1), (REJECT, 1), self.journal())
+            with self.subTest("exposures that are taken and not applied"):
+                self.put("good", "deaf")
+                deaf = plc.inspect(602)
+                self.assertEqual((deaf["verdict"], deaf["reasons"], deaf["error"]), (NOT_JUDGED, HARDWARE, IMPLAUSIBLE), self.journal())
+                self.assert_dark()
+            with self.subTest("unplugged in mid-bracket and back"):
+                self.inspect_until_light_2_burns(plc, 603)
+                self.put("good", "unplugged")
+                gone = plc.result()
+                self.assertEqual((gone["verdict"], gone["reasons"], gone["error"]), (NOT_JUDGED, HARDWARE, ABSENT), self.journal())
+                self.assert_dark()
+                plc.until(lambda: plc.words(3, 1)[0] == ERROR, "in error")
+                self.put("good")
+                plc.until(lambda: plc.words(3, 1)[0] != ERROR, "taken into use without a restart")
+                self.assertEqual(plc.inspect(604)["verdict"], PASS, self.journal())
 
 
 class Tally(unittest.TextTestResult):

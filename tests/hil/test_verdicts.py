@@ -49,6 +49,18 @@ class Verdicts(unittest.TestCase):
         self.assertAlmostEqual(part["shift_mm"][1], -2.5, delta=0.4)
         self.assertAlmostEqual(part["rotation_deg"], 4, delta=0.4)
 
+    def test_a_tilt_is_not_told_as_a_rotation(self):
+        told = []
+        for tilt in (-0.6, 0.6):
+            scene = self.posed(f"leaning_{tilt}", f"{{rotation_deg: 2, tilt_deg: [{tilt}, 0]}}")
+            recordings = BENCH.simulate(BENCH.folder / "scenes" / f"{scene}.yaml", scene, seed=900)
+            part = inspect(recordings, "--recipe", BENCH.recipe)[1][0]
+            self.assertAlmostEqual(part["tilt_deg"][0], tilt, delta=0.2)
+            told.append(part["rotation_deg"])
+        # By the plane alone they differ by 0.7 of the tilts' difference: 0.8 degrees.
+        self.assertAlmostEqual(told[0], told[1], delta=0.2, msg=told)
+        self.assertAlmostEqual(sum(told) / 2, 2, delta=0.3)
+
     def test_a_part_too_far_from_its_place_is_not_judged(self):
         part = self.judged(self.posed("far", "{shift_mm: [6.5, 0]}"), "not_judged", ["pose_or_face"])
         self.assertAlmostEqual(part["shift_mm"][0], 6.5, delta=0.5)

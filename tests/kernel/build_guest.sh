@@ -15,21 +15,34 @@ die() { echo "error: the kernel lab's guest cannot be built: $*" >&2; exit 2; }
 . /etc/os-release
 [ "${VERSION_CODENAME:-}" = bookworm ] || die "it is a Debian 12 guest on a Debian 12 host; this is ${PRETTY_NAME:-unknown}"
 [ "$(uname -m)" = x86_64 ] || die "it is an amd64 guest; this machine is $(uname -m)"
-headers=$(dpkg-query -W -f='${Depends}' linux-headers-amd64 2>/dev/null | grep -o 'linux-headers-[0-9][^ ]*' | head -n 1) ||
-  die "linux-headers-amd64 is not installed"
-kernel=${headers#linux-headers-}
-kernel_version=$(dpkg-query -W -f='${Version}' "$headers")
+as_root=()
+[ "$(id -u)" -eq 0 ] || as_root=(sudo)
 qemu=$(qemu-system-x86_64 --version | head -n 1)
 key=$(cat "$here"/build_guest.sh "$here"/guest/* | sha256sum | cut -c 1-12)
-name=guest-$kernel-$(echo "$kernel_version $qemu $key" | sha256sum | cut -c 1-12)
+
+# The kernel is the one that the installed headers belong to.
+choose_kernel() {
+  local headers
+  headers=$(dpkg-query -W -f='${Depends}' linux-headers-amd64 2>/dev/null | grep -o 'linux-headers-[0-9][^ ]*' | head -n 1) ||
+    die "linux-headers-amd64 is not installed"
+  kernel=${headers#linux-headers-}
+  kernel_version=$(dpkg-query -W -f='${Version}' "$headers")
+  name=guest-$kernel-$(echo "$kernel_version $qemu $key" | sha256sum | cut -c 1-12)
+}
+
+# An archive keeps the newest kernel only: headers installed long ago have none any more.
+renew_headers() {
+  "${as_root[@]}" apt-get -q update
+  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -q install -y --no-install-recommends linux-headers-amd64
+}
+
+choose_kernel
 mkdir -p "$cache"
 if [ -e "$cache/$name/complete" ]; then
   echo "$cache/$name"
   exit 0
 fi
 
-as_root=()
-[ "$(id -u)" -eq 0 ] || as_root=(sudo)
 work=$(mktemp -d "$cache/build.XXXXXX")
 trap '"${as_root[@]}" rm -rf --one-file-system "$work"' EXIT
 log=$work/log
@@ -142,6 +155,10 @@ make_image() {
   "${as_root[@]}" chown "$(id -u):$(id -g)" "$work/out/root.img"
 }
 
+apt-cache show "linux-image-$kernel=$kernel_version" >/dev/null 2>&1 || {
+  step "the archive does not know the kernel of the installed headers: renewing lists and headers" renew_headers
+  choose_kernel
+}
 step "fetching the kernel $kernel ($kernel_version), its source and v4l2loopback" fetch
 step "building gpio-sim, vimc and v4l2loopback" build_modules
 step "installing Debian 12 with mmdebstrap" bootstrap

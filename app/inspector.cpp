@@ -193,7 +193,9 @@ RecipeInForce Inspector::bring_into_force(Recipe recipe) const {
         fmt::format("{} as in inspection.part_height_mm (teach again)", settings_.part_height_mm));
   }
   check_colour_rules(recipe, colour_known() && recipe.channels == 3, where);
-  RecipeInForce force{std::move(recipe), {}, {}, {}, {}};
+  RecipeInForce force{std::move(recipe), {}, {}, {}, {}, {}};
+  const TaughtLayout& layout = force.recipe.layout;
+  if (!layout.empty()) force.taught_labels = expected_labels(layout, layout.taught, map_.cells);
   if (std::ranges::any_of(force.recipe.rules.rules,
                           [](const Rule& r) { return r.tolerance.has_value(); })) {
     force.repeat_rows = std::make_shared<ReadingRows>(basis_, calibration_.colour, 0);
@@ -367,7 +369,7 @@ DefectEvidence Inspector::evidence_of(const Inspection& part, const RecipeInForc
   const PartPose pose{seen.tilt_deg[0] * kDegree, seen.tilt_deg[1] * kDegree,
                       seen.height_mm * 1e-3};
   return defect_evidence(part.reflectance, home_labels(seen.regions, part.taught_labels), *blocks_,
-                         pose, recipe.defect_material);
+                         pose, recipe.defect_material, recipe.taught_labels);
 }
 
 double Inspector::ambient_level(const Radiance& ambient, const std::vector<Reflectance>& r,

@@ -37,6 +37,7 @@ struct RecipeInForce {
   std::vector<TaughtAppearance> appearance;  ///< per cluster
   std::vector<BinFrame> frames;              ///< per cluster; empty: a part's own bins
   std::vector<BrdfPtr> defect_material;      ///< per cluster: what local residuals are told from
+  cv::Mat taught_labels;  ///< CV_8UC1 of the cells, where the parts were taught; empty: no layout
   /// Readings' deviations from noise alone, without the basis' error; nullptr: no rule has a
   /// tolerance.
   std::shared_ptr<const ReadingRows> repeat_rows;

@@ -135,6 +135,12 @@ bool block_mean(const Reflectance& r, const cv::Rect& cells, std::array<float, 3
   return true;
 }
 
+/// Blocks that show another cluster than the taught parts do.
+cv::Mat taught_elsewhere(const cv::Mat& home, const BlockClusters& taught) {
+  const cv::Mat same = (taught.home == home) | (taught.beside == home);
+  return (home < kMostClusters) & (same == 0);
+}
+
 float floored_log(double f) {
   return static_cast<float>(std::log(std::max(f, 0.0) + kLogFloor));
 }
@@ -424,7 +430,7 @@ cv::Mat home_labels(const Regions& regions, const cv::Mat& expected) {
 
 DefectEvidence defect_evidence(const std::vector<Reflectance>& r, const cv::Mat& home,
                                const DefectBlocks& blocks, const PartPose& pose,
-                               const std::vector<BrdfPtr>& materials) {
+                               const std::vector<BrdfPtr>& materials, const cv::Mat& taught) {
   diffuse_light(r);  // checks types and sizes
   if (home.size() != r[0].value.size() || home.type() != CV_8UC1) {
     throw InputError("defects", "labels and reflectance of different sizes", "one size");
@@ -435,6 +441,7 @@ DefectEvidence defect_evidence(const std::vector<Reflectance>& r, const cv::Mat&
     for (std::size_t k = 0; k < materials.size(); ++k)
       take_background(light, out.home, static_cast<int>(k), blocks.span(kBackgroundMm));
   }
+  if (!taught.empty()) out.elsewhere = taught_elsewhere(out.home, block_clusters(taught, blocks));
   return out;
 }
 

@@ -74,8 +74,9 @@ cv::Size defect_tiles(const cv::Size& blocks) {
   return {(blocks.width + kTile - 1) / kTile, (blocks.height + kTile - 1) / kTile};
 }
 
-ExpectedResidual expected_residual(const DefectReference& taught, std::size_t light,
-                                   const cv::Mat& like) {
+ExpectedResidual expected_residual(const DefectReference& taught, const DefectEvidence& part,
+                                   std::size_t light) {
+  const cv::Mat& like = part.lights.at(light).residual;
   if (taught.parts == 0 || light >= taught.mean.size()) {
     return {cv::Mat::zeros(like.size(), like.type()),
             cv::Mat(like.size(), like.type(), cv::Scalar::all(kUntaughtDeviation))};
@@ -85,7 +86,14 @@ ExpectedResidual expected_residual(const DefectReference& taught, std::size_t li
       deviation.size() != mean.size() || deviation.type() != like.type()) {
     throw InputError("recipe defects", "images of another station's size", "teach again");
   }
-  return {over_blocks(mean, like.size()), over_blocks(deviation, like.size())};
+  ExpectedResidual out{over_blocks(mean, like.size()), over_blocks(deviation, like.size())};
+  if (!part.elsewhere.empty()) {
+    out.mean.setTo(cv::Scalar::all(0), part.elsewhere);
+    cv::Mat wide;
+    cv::max(out.deviation, cv::Scalar::all(kUntaughtDeviation), wide);
+    wide.copyTo(out.deviation, part.elsewhere);
+  }
+  return out;
 }
 
 cv::Mat defect_scores(const DefectWindows& w, const ExpectedResidual& expected) {
@@ -108,7 +116,7 @@ std::vector<cv::Mat1f> largest_scores(const DefectEvidence& part, const DefectBl
   std::vector<cv::Mat1f> out;
   for (std::size_t light = 0; light < part.lights.size(); ++light) {
     const DefectEvidence::Light& seen = part.lights[light];
-    const ExpectedResidual expected = expected_residual(taught, light, seen.residual);
+    const ExpectedResidual expected = expected_residual(taught, part, light);
     cv::Mat1f& largest = out.emplace_back(seen.residual.size(), 0.0F);
     for (const double mm : kDefectWindowsMm)
       keep_larger(defect_scores(windows_of(seen, blocks.span(mm)), expected), largest);

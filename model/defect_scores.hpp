@@ -11,7 +11,8 @@ namespace brdfgate {
 
 /// Windows that defects are looked for in; about a defect's own size each.
 inline constexpr std::array<double, 3> kDefectWindowsMm{1.0, 2.2, 4.0};
-/// Deviation, ln units, that stands in where fewer than three parts, or none, were seen.
+/// Deviation, ln units, that stands in where fewer than three parts, or none, or none of that
+/// cluster were seen.
 inline constexpr float kUntaughtDeviation = 0.03F;
 
 /// What a window of one size shows of one light.
@@ -24,15 +25,15 @@ struct DefectWindows {
 /// @param span  blocks along columns and rows: DefectBlocks::span()
 DefectWindows windows_of(const DefectEvidence::Light& light, const cv::Size& span);
 
-/// Mean and deviation of good parts over the blocks of one light, CV_32FC(channels) each.
+/// Mean and deviation of good parts over the blocks of one light, CV_32FC(channels) each. Where the
+/// part shows a cluster that the taught parts did not show there: none, and kUntaughtDeviation.
 struct ExpectedResidual {
   cv::Mat mean, deviation;
 };
 
-/// @param like  an image of blocks: size and type that the taught images must fit
-/// Throws InputError where they do not.
-ExpectedResidual expected_residual(const DefectReference& taught, std::size_t light,
-                                   const cv::Mat& like);
+/// Throws InputError where the taught images do not fit the part's.
+ExpectedResidual expected_residual(const DefectReference& taught, const DefectEvidence& part,
+                                   std::size_t light);
 
 /// Tiles that hold so many blocks.
 cv::Size defect_tiles(const cv::Size& blocks);

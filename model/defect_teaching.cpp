@@ -200,7 +200,7 @@ double defect_peak(const DefectEvidence& part, const DefectBlocks& blocks,
   double peak = 0;
   for (std::size_t light = 0; light < part.lights.size(); ++light) {
     const DefectEvidence::Light& seen = part.lights[light];
-    const ExpectedResidual expected = expected_residual(taught, light, seen.residual);
+    const ExpectedResidual expected = expected_residual(taught, part, light);
     for (const double mm : kDefectWindowsMm) {
       const cv::Mat z = defect_scores(windows_of(seen, blocks.span(mm)), expected);
       peak = std::max(peak, cv::norm(z, cv::NORM_INF));

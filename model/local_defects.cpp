@@ -37,7 +37,7 @@ class BlobFinder {
     peak_ = cv::Mat::zeros(part.home.size(), CV_32FC1);
     for (std::size_t light = 0; light < part.lights.size(); ++light) {
       const DefectEvidence::Light& seen = part.lights[light];
-      const ExpectedResidual expected = expected_residual(taught, light, seen.residual);
+      const ExpectedResidual expected = expected_residual(taught, part, light);
       own_.push_back(windows_of(seen, blocks.span(kDefectWindowsMm[0])).mean - expected.mean);
       for (const double mm : kDefectWindowsMm)
         mark(defect_scores(windows_of(seen, blocks.span(mm)), expected), limit);

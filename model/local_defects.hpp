@@ -37,7 +37,9 @@ struct DefectEvidence {
     cv::Mat floor;     ///< CV_32FC1: variance that a small error of the pose leaves
   };
   std::vector<Light> lights;
-  cv::Mat home;  ///< CV_8UC1: cluster of each block, kNotPart where it is on none or mixed
+  cv::Mat home;       ///< CV_8UC1: cluster of each block, kNotPart where it is on none or mixed
+  cv::Mat elsewhere;  ///< CV_8UC1: not 0 where the taught parts show another cluster, and say
+                      ///< nothing of this part; empty: nowhere
 };
 
 /// Where blocks lie and what each of them sees.
@@ -69,10 +71,12 @@ cv::Mat home_labels(const Regions& regions, const cv::Mat& expected = {});
 
 /// A part's residuals against materials, one per cluster; nullptr: the cluster is left out.
 /// @param r     as computed for the taught pose
-/// @param home  home_labels(), of the cells
+/// @param home    home_labels(), of the cells
+/// @param taught  labels of the taught layout where it was taught, of the cells; empty: not known.
+///                A part that lies elsewhere shows another cluster than the taught parts in places
 DefectEvidence defect_evidence(const std::vector<Reflectance>& r, const cv::Mat& home,
                                const DefectBlocks& blocks, const PartPose& pose,
-                               const std::vector<BrdfPtr>& materials);
+                               const std::vector<BrdfPtr>& materials, const cv::Mat& taught = {});
 
 /// From the good parts' residuals (all against the same materials, kept by the caller).
 /// @param rate  false alarms per part, (0, 0.5)

@@ -153,6 +153,52 @@ TEST_CASE("Borders between materials are not defects") {
   CHECK(find_defects(evidence(part, taught), blocks(), {}, taught, {}).empty());
 }
 
+TEST_CASE("What taught parts show of another material says nothing of a part that lies elsewhere") {
+  // The disc is known wrongly, by an error that varies over the highlight: teaching takes it up.
+  const Rgb red(0.6, 0.1, 0.1), gloss = Rgb::Constant(0.05);
+  const BrdfPtr disc = shiny(red, gloss, 0.12);
+  const std::vector<BrdfPtr> known{satin(0.2), shiny(red, gloss, 0.144)};
+  constexpr double kDisc = 30, kX = 15, kY = 3, kShift = 4;  // mm
+  const SyntheticPart at_home = with_patch(disc, kX, kY, kDisc);
+  const cv::Mat taught = home_labels(regions_of(at_home));
+  std::vector<DefectEvidence> good;
+  for (unsigned seed = 0; seed < 12; ++seed) {
+    SyntheticPart part = at_home;
+    part.seed = seed;
+    good.push_back(defect_evidence(render(station(), part), taught, blocks(), {}, known, taught));
+  }
+  CHECK(cv::countNonZero(good[0].elsewhere) == 0);
+  const DefectReference limits = teach_defects(good, blocks(), 0.001);
+  SyntheticPart moved = with_patch(disc, kX + kShift, kY, kDisc);
+  moved.seed = 70;
+  const auto seen = [&](const cv::Mat& shown) {
+    return defect_evidence(render(station(), moved), home_labels(regions_of(moved)), blocks(), {},
+                           known, shown);
+  };
+  const auto block_at = [](double x_mm, double y_mm) {
+    cv::Mat away;
+    std::vector<cv::Mat> xy;
+    cv::split(blocks().position_m(), xy);
+    cv::magnitude(xy[0] - 1e-3 * x_mm, xy[1] - 1e-3 * y_mm, away);
+    cv::Point at;
+    cv::minMaxLoc(away, nullptr, nullptr, &at);
+    return at;
+  };
+  const DefectEvidence part = seen(taught);
+  CHECK(part.elsewhere.at<unsigned char>(block_at(2, kY)) != 0);   // was disc
+  CHECK(part.elsewhere.at<unsigned char>(block_at(32, kY)) != 0);  // is disc now
+  CHECK(part.elsewhere.at<unsigned char>(block_at(-6, kY)) == 0);
+  CHECK(part.elsewhere.at<unsigned char>(block_at(17, kY)) == 0);
+  const auto score = [&](const DefectEvidence& e, const cv::Point& at) {
+    return std::abs(largest_scores(e, blocks(), limits)[0](at));
+  };
+  CHECK_FALSE(find_defects(seen({}), blocks(), limits, known, {}).empty());
+  CHECK(find_defects(part, blocks(), limits, known, {}).empty());
+  CHECK(score(part, block_at(2, kY)) < 0.5 * score(seen({}), block_at(2, kY)));
+  moved.change = spot({2, kY, 3, Rgb::Constant(0.6)});
+  CHECK(find_defects(seen(taught), blocks(), limits, known, {}).size() == 1);
+}
+
 TEST_CASE("Across a border between materials a stain is found, labels that err are none") {
   const std::vector<BrdfPtr> taught{satin(0.2), matte({0.6, 0.1, 0.1})};
   const double stain_mm = 2 * std::sqrt(0.001 * 80 * 80 / std::numbers::pi);

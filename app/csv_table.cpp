@@ -1,11 +1,10 @@
 #include "app/csv_table.hpp"
 
 #include <algorithm>
-#include <charconv>
-#include <cmath>
 #include <fstream>
 #include <sstream>
 
+#include "app/number_text.hpp"
 #include "model/error.hpp"
 
 namespace brdfgate {
@@ -61,14 +60,12 @@ std::string CsvTable::text(std::size_t row, const std::string& column) const {
 
 double CsvTable::number(std::size_t row, const std::string& column) const {
   const std::string cell = text(row, column);
-  double value = 0;
-  const char* end = cell.data() + cell.size();
-  const auto [stop, error] = std::from_chars(cell.data(), end, value);
-  if (cell.empty() || error != std::errc() || stop != end || !std::isfinite(value)) {
+  const auto value = finite_number(cell);
+  if (!value) {
     throw InputError(where(row), "'" + cell + "' is no number",
                      "a decimal number in column '" + column + "'");
   }
-  return value;
+  return *value;
 }
 
 std::string CsvTable::where(std::size_t row) const {

@@ -3,13 +3,12 @@
 #include <fmt/core.h>
 
 #include <array>
-#include <charconv>
-#include <cmath>
 #include <fstream>
 #include <numbers>
 #include <optional>
 #include <string_view>
 
+#include "app/number_text.hpp"
 #include "model/error.hpp"
 
 namespace brdfgate {
@@ -25,21 +24,13 @@ std::string_view trimmed(std::string_view text) {
   return text.substr(first, text.find_last_not_of(kBlank) - first + 1);
 }
 
-std::optional<double> number(std::string_view text) {
-  text = trimmed(text);
-  double value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  const bool all = error == std::errc{} && end == text.data() + text.size();
-  return all && std::isfinite(value) ? std::optional(value) : std::nullopt;
-}
-
 std::optional<HalfDiff> parse(std::string_view line) {
   std::array<double, 3> degrees{};
   for (std::size_t i = 0; i < degrees.size(); ++i) {
     const std::size_t comma = line.find(',');
     const bool last = i + 1 == degrees.size();
     if ((comma == std::string_view::npos) != last) return std::nullopt;
-    const auto value = number(line.substr(0, comma));
+    const auto value = finite_number(trimmed(line.substr(0, comma)));
     if (!value) return std::nullopt;
     degrees[i] = *value * kDegree;
     line = last ? std::string_view() : line.substr(comma + 1);

@@ -2,7 +2,6 @@
 #include <fmt/core.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <fstream>
 #include <memory>
@@ -19,6 +18,7 @@
 #include "app/design_directions.hpp"
 #include "app/design_drawing.hpp"
 #include "app/design_report.hpp"
+#include "app/number_text.hpp"
 #include "app/progress.hpp"
 #include "app/session.hpp"
 #include "model/error.hpp"
@@ -189,23 +189,14 @@ void finish_images(const DesignSummary& summary, const std::vector<CameraLight>&
   print_design(summary, as_json, "images", positions, [&] { print(images, view); });
 }
 
-/// The whole text as a finite number.
-std::optional<double> number_of(std::string_view text) {
-  double value = 0;
-  const char* end = text.data() + text.size();
-  const auto [stopped, error] = std::from_chars(text.data(), end, value);
-  if (error != std::errc() || stopped != end || !std::isfinite(value)) return std::nullopt;
-  return value;
-}
-
 /// One direction an occurrence of the option, so that two half-written ones are not taken for one.
 std::vector<PolarDirection> polar_directions(const std::vector<std::string>& texts,
                                              const char* option) {
   std::vector<PolarDirection> directions;
   for (const std::string_view text : texts) {
     const std::size_t comma = std::min(text.find(','), text.size());
-    const auto theta_deg = number_of(text.substr(0, comma));
-    const auto phi_deg = number_of(text.substr(std::min(comma + 1, text.size())));
+    const auto theta_deg = finite_number(text.substr(0, comma));
+    const auto phi_deg = finite_number(text.substr(std::min(comma + 1, text.size())));
     if (!theta_deg || !phi_deg) {
       throw InputError(option, "'" + std::string(text) + "'",
                        "angle from the normal and azimuth in degrees, such as 20,180");

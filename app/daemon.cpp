@@ -169,17 +169,6 @@ void Daemon::announce(StationState state) {
   gate_.set_station(status);
 }
 
-/// The part with the verdict that the PLC was told: a station in error withdraws a pass.
-static Inspection as_published(const Inspection& part, Verdict verdict) {
-  Inspection told = part;
-  if (verdict == told.result.verdict) return told;
-  told.result.verdict = verdict;
-  told.result.findings.insert(
-      told.result.findings.begin(),
-      {Reason::hardware, "the station was in error before the result stood"});
-  return told;
-}
-
 void Daemon::observe(const Inspection& part, const std::optional<PublishedTimes>& published) {
   std::uint16_t bits = warnings_ & warning_bit::kDisk;
   if (part.result.ambient > kWarnShare * config_.judge.max_ambient) bits |= warning_bit::kAmbient;

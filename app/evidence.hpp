@@ -22,6 +22,10 @@ struct PartPapers {
   CycleTimes times;
 };
 
+/// The part with the verdict that the PLC was told: a station that fell into error while it was
+/// judged withdraws a pass, and nothing may show one.
+Inspection as_published(Inspection part, Verdict verdict);
+
 /// Holds at most one part: a newer one replaces one that was not drawn yet.
 class EvidenceWriter {
  public:

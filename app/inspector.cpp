@@ -61,14 +61,18 @@ constexpr int kFixtureCells = 500;
 /// A part is not taken for darker than this when ambient light is told from it.
 constexpr double kDarkestAlbedo = 0.02;
 
+/// As estimated, in radians and metres.
+PartPose lie_of(const PartResult& part) {
+  return {part.tilt_deg[0] * kDegree, part.tilt_deg[1] * kDegree, part.height_mm * 1e-3};
+}
+
 /// Shift and rotation as told by the plane, without what the tilt makes of them.
 void take_tilt_out(PartResult& part, const TaughtLayout& layout, const Eigen::Vector3d& eye_W) {
   if (layout.empty()) return;
   const PlanarPose& taught = layout.taught;
   const PlanarPose seen{1e-3 * Eigen::Vector2d(part.shift_mm[0], part.shift_mm[1]) + taught.shift_m,
                         part.rotation_deg * kDegree + taught.rotation};
-  const PartPose lie{part.tilt_deg[0] * kDegree, part.tilt_deg[1] * kDegree, part.height_mm * 1e-3};
-  const PlanarPose own = without_tilt(layout, seen, lie, eye_W);
+  const PlanarPose own = without_tilt(layout, seen, lie_of(part), eye_W);
   const Eigen::Vector2d shift = 1e3 * (own.shift_m - taught.shift_m);
   part.shift_mm = {shift.x(), shift.y()};
   part.rotation_deg = (own.rotation - taught.rotation) / kDegree;
@@ -366,10 +370,8 @@ ClusterReadings Inspector::repeatability(const ReadingRows& rows, const Weights&
 
 DefectEvidence Inspector::evidence_of(const Inspection& part, const RecipeInForce& recipe) const {
   const PartResult& seen = part.result;
-  const PartPose pose{seen.tilt_deg[0] * kDegree, seen.tilt_deg[1] * kDegree,
-                      seen.height_mm * 1e-3};
   return defect_evidence(part.reflectance, home_labels(seen.regions, part.taught_labels), *blocks_,
-                         pose, recipe.defect_material, recipe.taught_labels);
+                         lie_of(seen), recipe.defect_material, recipe.taught_labels);
 }
 
 double Inspector::ambient_level(const Radiance& ambient, const std::vector<Reflectance>& r,

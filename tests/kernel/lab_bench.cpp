@@ -39,7 +39,8 @@ namespace {
 /// stamps it when it is written, and the station takes it for begun one exposure earlier. Shorter
 /// than the station's settle time, so that no stall passes one light's frame off as another's.
 constexpr std::chrono::milliseconds kSlowestFrame{200};
-/// Between two looks at the orders while nobody takes frames.
+/// Between two looks at the orders while nobody takes frames. The bench is a machine in real time:
+/// exposures last as long as they say.
 constexpr std::chrono::milliseconds kIdle{10};
 
 struct Orders {

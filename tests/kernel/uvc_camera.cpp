@@ -15,6 +15,7 @@
 #include <initializer_list>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 namespace brdfgate::lab {
 namespace {
@@ -427,34 +428,20 @@ bool UvcCamera::get_control(const Setup& setup, Bytes& reply) const {
   const auto selector = static_cast<std::uint8_t>(setup.value >> 8);
   const Range* range = range_of(entity, selector);
   if (range == nullptr) return false;
-  const auto value = [&](std::uint32_t v) { reply = Packed().number(v, range->bytes).bytes(); };
-  switch (setup.request) {
-    case kGetCurrent:
-      value(range == &kAutomatismRange ? automatism_
-            : range == &kExposureRange ? settings_.exposure_100us
-                                       : settings_.gain);
-      return true;
-    case kGetLeast:
-      value(range->least);
-      return true;
-    case kGetMost:
-      value(range->most);
-      return true;
-    case kGetStep:
-      value(range->step);
-      return true;
-    case kGetPreset:
-      value(range->preset);
-      return true;
-    case kGetLength:
-      reply = Packed().u16(range->bytes).bytes();
-      return true;
-    case kGetInfo:
-      reply = {3};  // can be read and set
-      return true;
-    default:
-      return false;
+  const std::uint32_t current = range == &kAutomatismRange ? automatism_
+                                : range == &kExposureRange ? settings_.exposure_100us
+                                                           : settings_.gain;
+  const std::array<std::pair<std::uint8_t, std::uint32_t>, 5> values{{{kGetCurrent, current},
+                                                                      {kGetLeast, range->least},
+                                                                      {kGetMost, range->most},
+                                                                      {kGetStep, range->step},
+                                                                      {kGetPreset, range->preset}}};
+  for (const auto& [request, value] : values) {
+    if (request == setup.request) reply = Packed().number(value, range->bytes).bytes();
   }
+  if (setup.request == kGetLength) reply = Packed().u16(range->bytes).bytes();
+  if (setup.request == kGetInfo) reply = {3};  // can be read and set
+  return !reply.empty();
 }
 
 }  // namespace brdfgate::lab
